@@ -1,0 +1,49 @@
+"""What a detection procedure is: a record of functions, not a base class.
+
+Idea     one file a procedure, ending in `DETECTOR = Detector(...)`, and one line in the registry.
+Limits   a procedure sees the observation, its parameters and a generator; it must not write into its inputs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from survey_mc.columns import Column
+from survey_mc.types import FloatImage, Observation, Skip
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class DetectorParams(BaseModel):
+    """Base of every procedure's parameters: frozen, strict about unknown keys, finite numbers only."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Detector:
+    """A registered procedure.
+
+    version: part of the key of every result; raise it when answers change. detect(obs, params, rng) returns a frame with
+    the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing was
+    found, or a `Skip`. profiles: named sets of parameters ("paper", "modern"). view(obs, params): the filtered image the procedure searches, for
+    reports. tiny: parameters for quick contract tests.
+    """
+
+    name: str
+    label: str
+    version: int
+    about: str
+    reference: str
+    params: type[DetectorParams]
+    detect: Callable[[Observation, Any, np.random.Generator], DataFrame | Skip]
+    tiny: DetectorParams
+    extra_columns: tuple[Column, ...] = ()
+    view: Callable[[Observation, Any], FloatImage] | None = None
+    profiles: Mapping[str, DetectorParams] = field(default_factory=dict)
