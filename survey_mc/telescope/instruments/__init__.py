@@ -1,0 +1,9 @@
+"""The instruments a campaign can name."""
+
+from survey_mc.registry import Registry
+from survey_mc.telescope.instruments import xmm_epic
+from survey_mc.telescope.instruments.instrument import Instrument, InstrumentBand
+
+INSTRUMENTS: Registry[Instrument] = Registry("instrument", [xmm_epic.INSTRUMENT])
+
+__all__ = ["INSTRUMENTS", "Instrument", "InstrumentBand"]
