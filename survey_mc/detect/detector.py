@@ -30,10 +30,10 @@ class DetectorParams(BaseModel):
 class Detector:
     """A registered procedure.
 
-    version: part of the key of every result; raise it when answers change. detect(obs, params, rng) returns a frame with
-    the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing was
-    found, or a `Skip`. profiles: named sets of parameters ("paper", "modern"). view(obs, params): the filtered image the procedure searches, for
-    reports. tiny: parameters for quick contract tests.
+    version: part of the key of every result; raise it when answers change. detect(obs, params, rng) returns a frame
+    with the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing
+    was found, or a `Skip`. view(obs, params): the filtered image the procedure searches, for reports. profiles: named
+    sets of parameters ("paper", "modern"). tiny: parameters for quick contract tests.
     """
 
     name: str

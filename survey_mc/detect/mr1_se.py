@@ -1,0 +1,132 @@
+"""MR1+SE: MR/1 multiresolution iterative filtering with the few-event Poisson model, then SExtractor's chain.
+
+Idea     the filter leaves only what is significant, on a smooth sky; SExtractor then finds, splits and measures it.
+Source   paper Sect. 3.4 (ε = 1e-4, 6 scales, 25 iterations or error < 1e-5); Starck & Pierre 1998; Bertin & Arnouts
+         1996 through sep. Differs: the threshold of the extraction is absolute, a fraction of √background, because the
+         rms of a filtered image means nothing ("irrelevant", says the paper); unobserved pixels are filled with
+         background.
+Weak at  the fainter member of close pairs; wings of faint sources (coefficients below ε are removed).
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from survey_mc.detect import _smoothing
+from survey_mc.detect._catalogue import (
+    COMMON_COLUMNS,
+    SEP_COLUMNS,
+    Search,
+    catalogue,
+    empty_frame,
+    observed_pixels,
+)
+from survey_mc.detect._mr1_params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
+from survey_mc.detect._sep_chain import Float32Image, SepParams, mesh_background
+from survey_mc.detect.detector import Detector
+from survey_mc.types import BoolArray, FloatImage, Observation
+
+FILL_FWHM_ARCSEC = 20.0  # smoothing before the background of the fill is estimated; a photon image has no usable mode
+
+
+class Mr1SeParams(Mr1Params, SepParams):
+    """Parameters of MR1+SE: the filter's, the extraction's, and the threshold between them."""
+
+    threshold_sqrt_background: float = Field(
+        0.5, gt=0.0, description="threshold above the background of the filtered image (units of √(counts per pixel))"
+    )
+    threshold_background: Literal["local", "global"] = Field(
+        "local", description="background in the threshold: of the mesh at the pixel, or one value for the image"
+    )
+    threshold_min_per_pix: float = Field(
+        0.05, gt=0.0, description="threshold is never below this (counts per pixel), for almost empty images"
+    )
+    use_granted_background: bool = Field(
+        False, description="subtract the background map the campaign grants instead of a mesh of the filtered image"
+    )
+    minarea_pix: int = Field(5, ge=1, description="smallest number of connected pixels above the threshold (pixels)")
+
+
+def restored(observation: Observation, observed: BoolArray, params: Mr1SeParams) -> Float32Image:
+    """The filter's answer, counts per pixel."""
+    from survey_mc.detect._mr1 import restore  # numba: imported when it is first needed
+
+    return restore(filled_photons(observation, observed, params), params).image
+
+
+def filled_photons(observation: Observation, observed: BoolArray, params: Mr1SeParams) -> FloatImage:
+    """Photon image whose unobserved pixels hold the expected background, so that the mask has no edge."""
+    photons = observation.counts.astype(np.float64)
+    if observed.all():
+        return photons
+    sigma_pix = _smoothing.sigma_pix_from_fwhm(FILL_FWHM_ARCSEC, observation.grid.scale_arcsec)
+    smoothed = _smoothing.normalised_smoothing(photons, observed.astype(np.float64), sigma_pix)
+    mesh = mesh_background(np.ascontiguousarray(smoothed, dtype=np.float32), ~observed, params)
+    return np.where(observed, photons, np.maximum(mesh.back(), 0.0))
+
+
+def filtered_image(observation: Observation, params: Mr1SeParams) -> FloatImage:
+    """The restored image (counts per pixel); background where nothing was observed."""
+    check_scales(params, observation.counts.shape)
+    observed = observed_pixels(observation)
+    if not observed.any():
+        return np.zeros(observation.counts.shape)
+    return restored(observation, observed, params).astype(np.float64)
+
+
+def search_image(observation: Observation, params: Mr1SeParams, observed: BoolArray) -> Search:
+    """Restored image, background, threshold and √background."""
+    filtered = restored(observation, observed, params)
+    masked = ~observed
+    mesh = mesh_background(filtered, masked, params)
+    background = np.asarray(mesh.back(), dtype=np.float32)
+    level = background if params.threshold_background == "local" else np.full(filtered.shape, mesh.globalback)
+    if params.use_granted_background:
+        if observation.background is None:
+            raise ValueError("use_granted_background needs an observation with a background map (got none)")
+        background = observation.background.astype(np.float32)
+        level = background
+    # √background, not below the value the smallest threshold corresponds to: significance and threshold stay in step.
+    least = params.threshold_min_per_pix / params.threshold_sqrt_background
+    unit = np.maximum(np.sqrt(np.maximum(level, 0.0)), least).astype(np.float32)
+    return Search(
+        filtered,
+        background,
+        np.ascontiguousarray(params.threshold_sqrt_background * unit, dtype=np.float32),
+        unit,
+        masked,
+        np.array(PROJECTION),
+        PROJECTION_SIGMA_PIX,
+    )
+
+
+def detect(observation: Observation, params: Mr1SeParams, rng: np.random.Generator) -> pd.DataFrame:
+    """Detections of MR1+SE; deterministic, the generator is not used."""
+    check_scales(params, observation.counts.shape)
+    observed = observed_pixels(observation)
+    if not observed.any() or not observation.counts[observed].any():
+        return empty_frame(COMMON_COLUMNS + SEP_COLUMNS)
+    return catalogue(observation, search_image(observation, params, observed), params)
+
+
+# Blank false detections inside 10′: 1.1 ± 0.1 at 10 ks and 1.2 ± 0.1 at 100 ks (80 fields).
+PAPER = Mr1SeParams()
+MODERN = Mr1SeParams(measure_on="raw")
+
+DETECTOR = Detector(
+    name="mr1_se",
+    label="MR1+SE",
+    version=1,
+    about="MR/1 wavelet filtering with the few-event Poisson model, then SExtractor's extraction and Kron photometry",
+    reference="Valtchanov, Pierre & Gastaud 2001, Sect. 3.4; Starck & Pierre 1998; Bertin & Arnouts 1996",
+    params=Mr1SeParams,
+    detect=detect,
+    tiny=Mr1SeParams(n_scales=4, iterations=5),
+    extra_columns=SEP_COLUMNS,
+    view=filtered_image,
+    profiles={"paper": PAPER, "modern": MODERN},
+)
