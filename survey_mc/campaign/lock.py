@@ -1,0 +1,68 @@
+"""The lock file of a run: every resolved parameter, every key, and the versions of what computed them."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from typing import Any
+
+from survey_mc import __version__
+from survey_mc.campaign.cells import Cell, expand
+from survey_mc.campaign.draw import cell_response
+from survey_mc.campaign.schema import Campaign
+from survey_mc.detect import DETECTORS
+
+LOCK_SCHEMA = 1
+_LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", "dask", "distributed", "pydantic")
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of everything that a result may depend on."""
+    return {
+        "survey_mc": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        **{name: version(name) for name in _LIBRARIES},
+    }
+
+
+def lock_content(campaign: Campaign) -> dict[str, Any]:
+    """Content of campaign.lock.json; `store.RunData` reads it back."""
+    return {
+        "lock_schema": LOCK_SCHEMA,
+        "name": campaign.name,
+        "about": campaign.about,
+        "seed": campaign.seed,
+        "versions": library_versions(),
+        "methods": [
+            {
+                "name": m.name,
+                "label": m.label,
+                "version": DETECTORS[m.name].version,
+                "reference": DETECTORS[m.name].reference,
+                "params": m.params.model_dump(mode="json"),
+            }
+            for m in campaign.method
+        ],
+        "cells": [_cell_entry(campaign, cell) for cell in expand(campaign)],
+        "campaign": campaign.model_dump(mode="json", by_alias=True),
+    }
+
+
+def _cell_entry(campaign: Campaign, cell: Cell) -> dict[str, Any]:
+    response = cell_response(campaign, cell)
+    return {
+        "label": cell.label,
+        "instrument": cell.instrument,
+        "band": cell.band,
+        "exposure_ks": cell.exposure_ks,
+        "realisations": cell.realisations,
+        "counts_min": cell.counts_min,
+        "region_arcmin": campaign.match.region_arcmin,
+        "radius_arcsec": campaign.match.radius_arcsec,
+        "rule": campaign.match.rule,
+        "flux_per_rate_cgs": response.band.flux_per_rate_cgs,
+        "field_key": cell.field_key,
+        "detect_keys": {m.label: m.detect_key for m in cell.methods},
+        "match_keys": {m.label: m.match_key for m in cell.methods},
+    }
