@@ -1,0 +1,68 @@
+"""Entry point of `survey-mc`.
+
+Idea     results go to stdout, progress and sentences to stderr. Exit codes: 0 done, 2 bad input or usage, 3 finished
+         with failed or quarantined fields, 4 store damaged, 5 run directory locked, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+
+import click
+
+from survey_mc import __version__
+from survey_mc.cli.campaign_verbs import CAMPAIGN_VERBS
+from survey_mc.cli.image_verbs import IMAGE_VERBS
+from survey_mc.cli.run_verbs import RUN_VERBS
+from survey_mc.cli.show import show
+from survey_mc.errors import EXIT_INTERRUPTED, SurveyError
+
+
+class _InOrder(click.Group):
+    """Lists the verbs in the order of use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(cls=_InOrder, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="survey-mc")
+def cli() -> None:
+    """Monte-Carlo completeness of X-ray source surveys: simulate, detect, match, measure.
+
+    Start with:  survey-mc run campaigns/smoke.toml
+    """
+
+
+for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, show):
+    cli.add_command(verb)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt(signal.Signals(number).name)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and leave with its exit code; a `SurveyError` is printed as its one sentence."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        code = cli.main(args=arguments, prog_name="survey-mc", standalone_mode=False)
+    except click.ClickException as problem:
+        problem.show()
+        code = problem.exit_code
+    except SurveyError as problem:
+        _say(str(problem))
+        code = problem.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        _say("interrupted; what is finished is stored, and the same command goes on from there")
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        code = 0
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _say(sentence: str) -> None:
+    click.echo(f"survey-mc: {sentence}", err=True)

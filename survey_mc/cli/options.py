@@ -1,0 +1,55 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+# Existence is checked by the loaders, which say what is wrong in one sentence.
+PATH = click.Path(path_type=Path)
+
+campaign_argument = click.argument("campaign", type=PATH, metavar="CAMPAIGN.toml")
+run_argument = click.argument("run", type=PATH, metavar="RUN")
+out_option = click.option("--out", type=PATH, metavar="DIR", help="Run directory.  [default: results/<name>]")
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document for machines.")
+
+
+def executor_options(verb: F) -> F:
+    """--workers, --serial, --scheduler and --scheduler-file."""
+    for option in (
+        click.option("--scheduler-file", type=PATH, metavar="FILE", help="Scheduler file of an existing dask cluster."),
+        click.option("--scheduler", metavar="ADDR", help="Address of an existing dask scheduler, tcp://host:port."),
+        click.option("--serial", is_flag=True, help="No workers: everything in this process."),
+        click.option("--workers", type=int, metavar="N", help="Local worker processes.  [default: all cores]"),
+    ):
+        verb = option(verb)
+    return verb
+
+
+def print_json(content: Any) -> None:
+    """One JSON document on stdout."""
+    click.echo(json.dumps(content, indent=1, default=str))
+
+
+def human_bytes(size: float) -> str:
+    """A number of bytes as a person reads it."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000.0:
+            return f"{size:.3g} {unit}"
+        size /= 1000.0
+    return f"{size:.3g} TB"
+
+
+def human_time(seconds: float) -> str:
+    """A duration as a person reads it."""
+    if seconds < 90.0:
+        return f"{seconds:.3g} s"
+    if seconds < 5400.0:
+        return f"{seconds / 60.0:.1f} min"
+    return f"{seconds / 3600.0:.1f} h"

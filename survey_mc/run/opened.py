@@ -1,0 +1,100 @@
+"""A run as data frames: what most users need of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from survey_mc.errors import BadInput
+from survey_mc.store import RunData
+from survey_mc.store.layout import StoredTable
+from survey_mc.store.parquet import read_frame
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+class Run:
+    """An opened run directory.
+
+    Every frame has the columns `cell` and, where it applies, `method` in front; `columns` of the package says what the
+    others mean. cell, method: labels to restrict to (default all). For runs too large for memory use `data.frames`.
+    """
+
+    def __init__(self, run_dir: Path | str) -> None:
+        self.data = RunData(run_dir)
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Labels of the cells."""
+        return tuple(cell.label for cell in self.data.cells)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Labels of the methods."""
+        return tuple(method.label for method in self.data.methods)
+
+    def truth(self, cell: str | None = None) -> DataFrame:
+        """True sources (`columns.TRUTH`)."""
+        return self._gather("truth", cell, ("",))
+
+    def detections(self, method: str | None = None, cell: str | None = None) -> DataFrame:
+        """Detections (`columns.DETECTIONS` and the methods' own columns; NaN where a method has no such column)."""
+        return self._gather("detections", cell, self._methods(method))
+
+    def matches(self, method: str | None = None, cell: str | None = None, rule: str | None = None) -> DataFrame:
+        """Matches (`columns.MATCHES`); rule: nearest or origin, default both."""
+        frame = self._gather("matches", cell, self._methods(method))
+        if rule is None:
+            return frame
+        known = ("nearest", "origin")
+        if rule not in known:
+            raise BadInput("rule", f"must be one of {', '.join(known)} (got {rule!r})")
+        return frame[frame["rule"] == rule].reset_index(drop=True)
+
+    def links(self, method: str | None = None, cell: str | None = None) -> DataFrame:
+        """Candidate pairs (`columns.LINKS`)."""
+        return self._gather("links", cell, self._methods(method))
+
+    def journal(self) -> DataFrame:
+        """What each task cost (see `RunData.journal`)."""
+        return self.data.journal()
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the aggregated tables that `survey-mc report` has made."""
+        folders = (self.data.layout.tables, self.data.layout.journals)
+        return tuple(sorted(path.stem for folder in folders for path in folder.glob("*.parquet")))
+
+    def table(self, name: str) -> DataFrame:
+        """An aggregated table, such as "completeness"."""
+        if name not in self.tables:
+            known = ", ".join(self.tables) or "none yet; run `survey-mc report`"
+            raise BadInput(str(self.data.layout.root), f"has no table {name!r}; known: {known}")
+        folder = self.data.layout.tables
+        path = folder / f"{name}.parquet"
+        return read_frame(path if path.exists() else self.data.layout.journals / path.name)
+
+    def _methods(self, method: str | None) -> tuple[str, ...]:
+        return self.methods if method is None else (method,)
+
+    def _gather(self, table: StoredTable, cell: str | None, methods: tuple[str, ...]) -> DataFrame:
+        import pandas as pd
+
+        def labelled() -> Iterator[DataFrame]:
+            for cell_label in self.cells if cell is None else (cell,):
+                for method in methods:
+                    for frame in self.data.frames(table, cell_label, method):
+                        if method:
+                            frame.insert(0, "method", method)
+                        frame.insert(0, "cell", cell_label)
+                        yield frame
+
+        frames = list(labelled())
+        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def open_run(run_dir: Path | str) -> Run:
+    """Open a run directory for analysis; raises `BadInput` if it is none."""
+    return Run(run_dir)

@@ -1,0 +1,64 @@
+"""Join the parts of a shard into its one file.
+
+Idea     done by the process that holds the run lock, after the parts are in the manifest: write the whole, add it to
+         the manifest, drop the parts, then delete them. A crash in between leaves either the parts or the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from survey_mc.run.work import Range, covered
+from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_piece
+from survey_mc.store.parquet import piece_table
+
+
+def pack_shard(layout: RunLayout, manifest: Manifest, family: Family, shard: Range, *, only_whole: bool) -> None:
+    """Join adjacent pieces of a family inside a shard into one file.
+
+    only_whole: join only if the shard is complete (while a run goes on, more parts may still come).
+    """
+    for run in _adjacent(covered(manifest, family, *shard)):
+        start, stop = run[0].piece.start, run[-1].piece.stop
+        inside = shard[0] <= start and stop <= shard[1]
+        if len(run) > 1 and inside and ((start, stop) == shard or not only_whole):
+            _join(layout, manifest, family, run)
+
+
+def _join(layout: RunLayout, manifest: Manifest, family: Family, parts: list[Record]) -> None:
+    import pandas as pd
+
+    table = piece_table(layout, parts[0].piece)
+    whole = Piece(family, parts[0].piece.start, parts[-1].piece.stop)
+    frame = pd.concat([read_piece(layout, part) for part in parts], ignore_index=True)
+    manifest.add([commit_piece(layout, whole, table, frame)])
+    manifest.drop(part.piece for part in parts)
+    for part in parts:
+        (layout.root / part.piece.path).unlink(missing_ok=True)
+
+
+def _adjacent(parts: Iterable[Record]) -> Iterator[list[Record]]:
+    """Groups of files in which each begins where the one before ends."""
+    run: list[Record] = []
+    for part in parts:
+        if run and part.piece.start != run[-1].piece.stop:
+            yield run
+            run = []
+        run.append(part)
+    if run:
+        yield run
+
+
+def sweep(layout: RunLayout, manifest: Manifest) -> None:
+    """Remove what a killed run left behind: temporary files, packed parts, files that never entered the manifest.
+
+    Only names that the store itself gives are touched. To be called by the holder of the run lock.
+    """
+    if layout.temporary.is_dir():
+        for path in layout.temporary.iterdir():
+            path.unlink(missing_ok=True)
+    manifest.drop(manifest.superseded())
+    for relative in list(layout.piece_files()):
+        piece = Piece.from_path(relative)
+        if piece is not None and piece not in manifest:
+            (layout.root / relative).unlink(missing_ok=True)

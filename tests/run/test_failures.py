@@ -1,0 +1,95 @@
+"""A failing method is its own fault alone: noted with a replay command, never stored, tried again only when asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pandas import DataFrame
+from small_campaigns import MR1, small
+
+from survey_mc.detect import DETECTORS
+from survey_mc.run import open_run, run_campaign
+from survey_mc.run.executors import ExecutorChoice
+from survey_mc.run.status import run_status
+from survey_mc.types import Observation, Skip
+
+SERIAL = ExecutorChoice(serial=True)
+
+
+class _Sick:
+    """gauss_se with an illness on some of the fields it sees, counted by their photons."""
+
+    def __init__(self, healthy: object) -> None:
+        self.healthy = healthy
+        self.cured = False
+
+    def __call__(self, observation: Observation, params: object, rng: np.random.Generator) -> DataFrame | Skip:
+        if not self.cured and int(observation.counts.sum()) % 2:
+            raise RuntimeError("the odd photon is too much")
+        return self.healthy(observation, params, rng)  # type: ignore[operator,no-any-return]
+
+
+@pytest.fixture
+def sick(monkeypatch: pytest.MonkeyPatch) -> _Sick:
+    detector = DETECTORS["gauss_se"]
+    illness = _Sick(detector.detect)
+    monkeypatch.setitem(DETECTORS._entries, "gauss_se", replace(detector, detect=illness))
+    return illness
+
+
+def test_a_failing_method_leaves_the_other_alone_and_is_retried_when_asked(tmp_path: Path, sick: _Sick) -> None:
+    campaign, root = small(extra=MR1), tmp_path / "run"
+
+    first = run_campaign(campaign, root, SERIAL, block=1)
+    state = run_status(root)
+
+    assert 0 < first.failed < 6
+    assert not first.complete
+    assert len(open_run(root).matches("M")["realisation"].unique()) == 6
+    assert state.n_failed == first.failed
+    assert all("the odd photon" in failure["error"] for failure in state.failures)
+    assert all(failure["replay"].startswith("survey-mc replay ") for failure in state.failures)
+    assert run_campaign(campaign, root, SERIAL).fields == 0
+
+    sick.cured = True
+    retried = run_campaign(campaign, root, SERIAL, retry_failed=True)
+
+    assert retried.fields == first.failed
+    assert retried.complete
+    assert run_status(root).n_failed == 0
+
+
+def test_files_around_a_failure_do_not_depend_on_the_block_size(tmp_path: Path, sick: _Sick) -> None:
+    found = []
+    for block in (1, 4):
+        run_campaign(small(), tmp_path / str(block), SERIAL, block=block)
+        store = tmp_path / str(block) / "store"
+        found.append({str(p.relative_to(store)): p.read_bytes() for p in store.rglob("*.parquet")})
+
+    assert found[0] == found[1]
+
+
+def test_a_detector_that_breaks_its_contract_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    detector = DETECTORS["gauss_se"]
+    broken = replace(detector, detect=lambda obs, params, rng: DataFrame({"x": [1.0]}))
+    monkeypatch.setitem(DETECTORS._entries, "gauss_se", broken)
+
+    done = run_campaign(small(), tmp_path / "run", SERIAL)
+
+    assert done.failed == 6
+    assert "column" in run_status(tmp_path / "run").failures[0]["error"]
+
+
+def test_a_skip_is_neither_a_failure_nor_a_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    detector = DETECTORS["gauss_se"]
+    monkeypatch.setitem(DETECTORS._entries, "gauss_se", replace(detector, detect=lambda *_: Skip("needs a new moon")))
+
+    done = run_campaign(small(), tmp_path / "run", SERIAL)
+
+    assert done.skipped == 6
+    assert done.complete
+    assert run_status(tmp_path / "run").skips == {"needs a new moon": 6}
+    assert open_run(tmp_path / "run").detections().empty
