@@ -1,0 +1,66 @@
+"""What the words of a report mean: shown on its page, one paragraph a word."""
+
+DEFINITIONS = (
+    (
+        "input list, region",
+        "The true sources with at least the stated number of counts (expected, vignetted, unless the campaign says "
+        "on axis). Matching uses the whole image; tables use what lies inside the region around the optical axis.",
+    ),
+    (
+        "matched, nearest rule",
+        "A detection takes the nearest source of the input list within the radius. Of several detections on one "
+        "source the closest keeps it. A chance neighbour counts as a match; a blend whose centroid is off both "
+        "sources does not.",
+    ),
+    (
+        "matched, origin rule",
+        "A detection belongs to the source that gave most of the photons around it, if these stand out of the "
+        "background. Of several detections on one source the one with most of its photons keeps it. No search "
+        "radius is involved.",
+    ),
+    (
+        "missed",
+        "A source of the input list, inside the region, that is matched to no detection. Matched and missed "
+        "sources together are all of them.",
+    ),
+    (
+        "completeness",
+        "Matched over all sources of the input list, in bins of an input quantity: true flux or expected counts, "
+        "never measured ones. Because the list is cut in counts, the faintest flux bins hold only the less "
+        "vignetted sources.",
+    ),
+    (
+        "90 % limit",
+        "The completeness is made non-decreasing by isotonic regression, weighted with the number of sources, and "
+        "interpolated linearly in the logarithm between the mean positions of the bins. Its interval holds 68 % of "
+        "the limits found from resampled fields.",
+    ),
+    (
+        "false",
+        "A detection inside the region without a counterpart in the input list: spurious, blend or faint. This is "
+        "what the paper calls a false detection.",
+    ),
+    (
+        "spurious, blend, faint, duplicate",
+        "Spurious: nothing real is there, or nothing near enough. Blend: two or more sources gave the photons and "
+        "none of them is the detection's own. Faint: a true source below the count limit. Duplicate: another "
+        "detection has the source; it is counted beside the false ones, not among them.",
+    ),
+    (
+        "counts, fluxes",
+        "Counts on axis are rate times exposure, un-vignetted (the paper's input counts); expected counts are "
+        "vignetted. A ratio of measured to true values is for matched sources, so near the limit it favours upward "
+        "fluctuations.",
+    ),
+    (
+        "position error",
+        "The radius that holds 68.27 % of the matched detections around their sources. In the first table for "
+        "sources of more than 50 counts on axis; an asterisk marks rows without any, where all matched sources are "
+        "used.",
+    ),
+    (
+        "intervals",
+        "68.27 % throughout. Fractions: Jeffreys, closed at 0 and 1. Numbers: exact Poisson (Garwood). Medians: "
+        "binomial ranks. Limits: resampled fields.",
+    ),
+)

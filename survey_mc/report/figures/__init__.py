@@ -1,0 +1,38 @@
+"""All figures of a report, from its tables alone; matplotlib is imported here, when the first one is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from survey_mc.report.figures.completeness import completeness_figure
+from survey_mc.report.figures.counts import differential_figure, integral_figure
+from survey_mc.report.figures.measures import cost_figure, false_figure, photometry_figure, position_figure
+from survey_mc.report.figures.pictures import field_figures
+from survey_mc.report.figures.style import Figure, looks
+from survey_mc.report.source import RunSource
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+__all__ = ["Figure", "field_figures", "looks", "run_figures"]
+
+
+def run_figures(source: RunSource, tables: Mapping[str, DataFrame]) -> list[Figure]:
+    """The figures of a run in the order of the report; those without any numbers are left out."""
+    return [figure for figure in _candidates(source, tables) if figure is not None]
+
+
+def _candidates(source: RunSource, tables: Mapping[str, DataFrame]) -> Iterator[Figure | None]:
+    cells, look = source.cells, looks(source.methods)
+    rule = cells[0].rule if cells else "nearest"
+    for quantity in ("flux_true_cgs", "counts_expected"):
+        yield completeness_figure(tables["completeness"], cells, look, rule, quantity)
+    yield false_figure(tables["false_detections"], cells, look, rule)
+    for cell in cells:
+        yield differential_figure(tables["counts_differential"], cell, look, rule)
+    yield integral_figure(tables["counts_integral"], cells, look, rule)
+    for by in ("counts", "flux"):
+        yield photometry_figure(tables["photometry"], cells, look, rule, by)
+    yield position_figure(tables["astrometry"], cells, look, rule)
+    yield cost_figure(tables["cpu_seconds"], cells, look)

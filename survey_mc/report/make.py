@@ -1,0 +1,60 @@
+"""The report of a run directory, with one of its fields drawn again to be looked at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from survey_mc.campaign import Campaign, draw_field, expand, load_run_campaign
+from survey_mc.detect import DETECTORS
+from survey_mc.report.build import build_report
+from survey_mc.report.source import FieldPicture
+from survey_mc.store import CellRecord, RunData, read_piece
+from survey_mc.store.layout import StoredTable
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def make_report(run_dir: Path | str) -> Path:
+    """Write tables, figures and report/index.html of a run from what it has stored; the path of the page."""
+    data = RunData(run_dir)
+    campaign = load_run_campaign(data.layout.root)
+    return build_report(data, data.layout.root, _field_picture(data, campaign), campaign.text)
+
+
+def _field_picture(data: RunData, campaign: Campaign) -> FieldPicture | None:
+    """The first realisation of the first cell for which every method has a result; None if there is none."""
+    labels = tuple(method.label for method in data.methods)
+    for index, cell in enumerate(data.cells):
+        matches = {label: _first_rows(data, cell, "matches", label) for label in labels}
+        detections = {label: _first_rows(data, cell, "detections", label) for label in labels}
+        if any(frame is None for frame in (*matches.values(), *detections.values())):
+            continue
+        drawn = draw_field(campaign, expand(campaign)[index], 0)
+        choices = {choice.label: choice for choice in campaign.method}
+        views = {}
+        for label in labels:
+            view = DETECTORS[choices[label].name].view
+            if view is not None:
+                views[label] = view(drawn.observation, choices[label].params)
+        return FieldPicture(
+            title=f"{cell.label}, realisation 0",
+            observation=drawn.observation,
+            truth=drawn.truth,
+            detections={label: frame for label, frame in detections.items() if frame is not None},
+            matches={label: frame for label, frame in matches.items() if frame is not None},
+            views=views,
+            region_arcmin=cell.region_arcmin,
+            rule=cell.rule,
+        )
+    return None
+
+
+def _first_rows(data: RunData, cell: CellRecord, table: StoredTable, label: str) -> DataFrame | None:
+    """Rows of realisation 0, or None if it is not stored."""
+    for record in data.manifest.records(cell.family(table, label)):
+        if record.piece.start == 0:
+            frame = read_piece(data.layout, record)
+            return frame[frame["realisation"] == 0].drop(columns="realisation").reset_index(drop=True)
+    return None

@@ -1,0 +1,181 @@
+"""Completeness: of the true sources in a bin, the fraction that was found.
+
+Idea     N(found)/N(true) in bins of an *input* quantity; sources in scope are the matched and the missed ones. The 90 %
+         limit is read from the completeness made monotonic; its error comes from resampling whole fields.
+Source   Valtchanov et al. 2001, Sect. 8 and Fig. "detection rate"; isotonic regression: Barlow et al. 1972.
+Limits   the input list is cut in counts: near the cut a flux bin holds only its less vignetted sources. Sources of one
+         field share background and blends, so the binomial interval is too short by √design_effect.
+
+Memory: one pair of small integers for each (group of fields, bin). There are at most `MAX_FIELD_GROUPS` groups
+(realisation modulo that number), so it does not grow with the number of realisations; resampling the groups of a
+larger run is resampling its fields in lots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from survey_mc.stats.bins import LogBins
+from survey_mc.stats.intervals import ONE_SIGMA, jeffreys
+from survey_mc.types import FloatArray
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+MAX_FIELD_GROUPS = 1000
+N_RESAMPLES = 400
+LEVELS = (0.5, 0.8, 0.9)
+TAIL = (1.0 - ONE_SIGMA) / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Value of the binned quantity at which the completeness reaches `level`; NaN unless `state` is "reached".
+
+    state: reached, not reached (even the brightest are less complete) or below range (even the faintest are more).
+    lower, upper: one-sigma interval from resampled fields, 0 and inf where open; NaN with fewer than two fields.
+    """
+
+    level: float
+    value: float
+    lower: float
+    upper: float
+    state: str
+
+
+@dataclass(slots=True)
+class CompletenessCounts:
+    """Found and true sources of one rule, by field group and bin."""
+
+    bins: LogBins
+    n_fields: int
+    n_true: NDArray[np.int32] = field(init=False)
+    n_found: NDArray[np.int32] = field(init=False)
+    sum_log: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        shape = (max(1, min(self.n_fields, MAX_FIELD_GROUPS)), self.bins.size)
+        self.n_true = np.zeros(shape, dtype=np.int32)
+        self.n_found = np.zeros(shape, dtype=np.int32)
+        self.sum_log = np.zeros(self.bins.size)
+
+    def add(self, matches: DataFrame) -> None:
+        """Add rows of one rule; only `matched` and `missed` count."""
+        status = matches["status"].to_numpy(object)
+        values = matches[self.bins.quantity].to_numpy(np.float64)
+        place = self.bins.index(values)
+        keep = ((status == "matched") | (status == "missed")) & (place >= 0) & (place < self.bins.size)
+        group = matches["realisation"].to_numpy(np.int64)[keep] % len(self.n_true)
+        place = place[keep]
+        np.add.at(self.n_true, (group, place), 1)
+        np.add.at(self.n_found, (group, place), status[keep] == "matched")
+        self.sum_log += np.bincount(place, weights=np.log10(values[keep]), minlength=self.bins.size)
+
+    def table(self, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> DataFrame:
+        """Occupied bins: lower_edge, upper_edge, centre (geometric mean of the sources), n_true, n_found, completeness,
+        lower, upper (Jeffreys), lower_fields, upper_fields (resampled fields), design_effect.
+        """
+        import pandas as pd
+
+        n_true, n_found = self.n_true.sum(axis=0, dtype=np.int64), self.n_found.sum(axis=0, dtype=np.int64)
+        used = n_true > 0
+        true_again, found_again = self._resample(rng, n_resamples)
+        lower, upper = jeffreys(n_found, n_true)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            again = found_again / true_again
+            completeness = n_found / n_true
+            centre = 10.0 ** (self.sum_log / n_true)
+        fields = _inner_quantiles(again[:, used]) if len(again) else np.full((2, used.sum()), np.nan)
+        return pd.DataFrame(
+            {
+                "lower_edge": self.bins.edges[:-1][used],
+                "upper_edge": self.bins.edges[1:][used],
+                "centre": centre[used],
+                "n_true": n_true[used],
+                "n_found": n_found[used],
+                "completeness": completeness[used],
+                "lower": lower[used],
+                "upper": upper[used],
+                "lower_fields": fields[0],
+                "upper_fields": fields[1],
+                "design_effect": self._design_effect()[used],
+            }
+        )
+
+    def limits(self, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> tuple[Limit, ...]:
+        """The limits at `LEVELS`, with intervals from resampled fields."""
+        n_true, n_found = self.n_true.sum(axis=0, dtype=np.int64), self.n_found.sum(axis=0, dtype=np.int64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            log_centre = self.sum_log / n_true
+        best = crossings(log_centre, n_found, n_true)
+        again = np.array([crossings(log_centre, f, t) for t, f in zip(*self._resample(rng, n_resamples), strict=True)])
+        limits = []
+        for i, level in enumerate(LEVELS):
+            lower, upper = np.full(2, np.nan)
+            if len(again):
+                spread = np.sort(again[:, i])
+                lower, upper = (spread[round(q * (len(spread) - 1))] for q in (TAIL, 1.0 - TAIL))
+            state = {-np.inf: "below range", np.inf: "not reached"}.get(best[i], "reached")
+            value = 10.0 ** best[i] if state == "reached" else np.nan
+            limits.append(Limit(level, float(value), float(10.0**lower), float(10.0**upper), state))
+        return tuple(limits)
+
+    def _resample(self, rng: np.random.Generator, n_resamples: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """(n_resamples, bins) true and found sources of resampled fields; no rows with fewer than two fields."""
+        n_groups = len(self.n_true)
+        weights = np.zeros((n_resamples if n_groups > 1 else 0, n_groups))
+        for row in weights:
+            row += np.bincount(rng.integers(0, n_groups, n_groups), minlength=n_groups)
+        # products of floats are exact here and, unlike those of integers, fast
+        again = [np.rint(weights @ n.astype(np.float64)).astype(np.int64) for n in (self.n_true, self.n_found)]
+        return again[0], again[1]
+
+    def _design_effect(self) -> FloatArray:
+        """Variance between fields over the binomial one, per bin; NaN where either is unknown."""
+        n_groups = len(self.n_true)
+        n_true, n_found = self.n_true.sum(axis=0, dtype=np.int64), self.n_found.sum(axis=0, dtype=np.int64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fraction = n_found / n_true
+            between = ((self.n_found - fraction * self.n_true) ** 2).sum(axis=0) * n_groups / max(n_groups - 1, 1)
+            effect = between / (n_true * fraction * (1.0 - fraction))
+        return np.where((n_groups > 1) & np.isfinite(effect), effect, np.nan)
+
+
+def crossings(log_centre: FloatArray, n_found: NDArray[np.int64], n_true: NDArray[np.int64]) -> FloatArray:
+    """log10 of the quantity where the completeness passes each of `LEVELS`.
+
+    The completeness is made non-decreasing by isotonic regression weighted with n_true, then interpolated linearly
+    between bin centres. −inf: above the level from the first bin on; +inf: below it in the last.
+    """
+    from scipy.optimize import isotonic_regression
+
+    used = n_true > 0
+    if not used.any():
+        return np.full(len(LEVELS), np.inf)
+    x = log_centre[used]
+    rising = isotonic_regression(n_found[used] / n_true[used], weights=n_true[used].astype(np.float64)).x
+    result = np.empty(len(LEVELS))
+    for i, level in enumerate(LEVELS):
+        first = int(np.searchsorted(rising, level - 1e-12))
+        if first == 0:
+            result[i] = -np.inf
+        elif first == len(rising):
+            result[i] = np.inf
+        else:
+            share = (level - rising[first - 1]) / (rising[first] - rising[first - 1])
+            result[i] = x[first - 1] + share * (x[first] - x[first - 1])
+    return result
+
+
+def _inner_quantiles(again: FloatArray) -> FloatArray:
+    """(2, bins) one-sigma quantiles over resamples, leaving out resamples without a source in the bin."""
+    result = np.full((2, again.shape[1]), np.nan)
+    for column, values in enumerate(again.T):
+        finite = values[np.isfinite(values)]
+        if len(finite):
+            result[:, column] = np.quantile(finite, (TAIL, 1.0 - TAIL))
+    return result

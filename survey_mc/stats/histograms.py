@@ -1,0 +1,109 @@
+"""Means, spreads and quantiles of groups of values that never are in memory together.
+
+Idea     for every group exact sums (n, Σx, Σx²) and a fine histogram with fixed edges; quantiles are read from it,
+         linearly inside a bin. Adding the histograms of groups gives the histogram of their union.
+Limits   a quantile is uncertain by less than one bin width; values beyond the ends count in the end bins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from survey_mc.stats.intervals import ONE_SIGMA
+from survey_mc.types import FloatArray
+
+
+@dataclass(slots=True)
+class Histograms:
+    """Sums of `n_groups` groups. edges: (m + 1,) ascending; is_log: quantiles interpolate in the logarithm."""
+
+    n_groups: int
+    edges: FloatArray
+    is_log: bool = False
+    counts: NDArray[np.int64] = field(init=False)
+    total: FloatArray = field(init=False)
+    total_of_squares: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.counts = np.zeros((self.n_groups, len(self.edges) - 1), dtype=np.int64)
+        self.total = np.zeros(self.n_groups)
+        self.total_of_squares = np.zeros(self.n_groups)
+
+    def add(self, group: NDArray[np.int64], values: FloatArray) -> None:
+        """Add finite values to their groups; a group outside 0 … n_groups − 1 is ignored."""
+        keep = (group >= 0) & (group < self.n_groups) & np.isfinite(values)
+        group, values = group[keep], values[keep]
+        place = np.clip(np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.edges) - 2)
+        np.add.at(self.counts, (group, place), 1)
+        self.total += np.bincount(group, weights=values, minlength=self.n_groups)
+        self.total_of_squares += np.bincount(group, weights=values**2, minlength=self.n_groups)
+
+    def summary(self, members: NDArray[np.bool_]) -> Summary:
+        """What is known of the union of some groups."""
+        return Summary(
+            self.counts[members].sum(axis=0),
+            float(self.total[members].sum()),
+            float(self.total_of_squares[members].sum()),
+            self.edges,
+            self.is_log,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Sums over one set of values; everything it gives is NaN when there are too few of them."""
+
+    counts: NDArray[np.int64]
+    total: float
+    total_of_squares: float
+    edges: FloatArray
+    is_log: bool
+
+    @property
+    def n(self) -> int:
+        return int(self.counts.sum())
+
+    @property
+    def mean(self) -> float:
+        return self.total / self.n if self.n else float("nan")
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(self.total_of_squares / self.n)) if self.n else float("nan")
+
+    @property
+    def stdev(self) -> float:
+        """Sample standard deviation (n − 1)."""
+        if self.n < 2:
+            return float("nan")
+        spread = self.total_of_squares - self.total**2 / self.n
+        return float(np.sqrt(max(spread, 0.0) / (self.n - 1)))
+
+    @property
+    def mean_err(self) -> float:
+        """Standard error of the mean."""
+        return self.stdev / float(np.sqrt(self.n)) if self.n else float("nan")
+
+    def quantile(self, fraction: float) -> float:
+        """Value below which a fraction of the values lies."""
+        if not self.n:
+            return float("nan")
+        scale = np.log(self.edges) if self.is_log else self.edges
+        below = np.concatenate(([0], np.cumsum(self.counts)))
+        wanted = min(max(fraction, 0.0), 1.0) * self.n
+        place = int(np.clip(np.searchsorted(below, wanted, side="left") - 1, 0, len(self.counts) - 1))
+        place = int(np.flatnonzero(self.counts)[0]) if wanted <= 0 else place
+        inside = (wanted - below[place]) / self.counts[place] if self.counts[place] else 0.0
+        value = scale[place] + inside * (scale[place + 1] - scale[place])
+        return float(np.exp(value) if self.is_log else value)
+
+    def quantile_interval(self, fraction: float, confidence: float = ONE_SIGMA) -> tuple[float, float]:
+        """Interval of a quantile from the binomial spread of its rank (any distribution)."""
+        if not self.n:
+            return float("nan"), float("nan")
+        half = float(ndtri(0.5 + confidence / 2.0)) * float(np.sqrt(fraction * (1.0 - fraction) / self.n))
+        return self.quantile(fraction - half), self.quantile(fraction + half)

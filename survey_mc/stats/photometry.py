@@ -1,0 +1,67 @@
+"""How well counts and fluxes come back: measured over true, for matched sources.
+
+Idea     the ratio's name says its denominator: input counts (un-vignetted, the paper's), expected counts, or flux.
+         Median with 16 % and 84 % for the skewed truth, mean and standard deviation to compare with the paper.
+Source   Valtchanov et al. 2001, Sect. 6.3 and 8: SCTS(out)/SCTS(in), mean and st. dev.
+Limits   conditional on being found: near the limit only upward fluctuations are (Eddington bias). Quantiles come from
+         a histogram with steps of 0.004 dex (0.9 %) between 0.01 and 100.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from survey_mc.stats.grouped import GroupedValues
+from survey_mc.stats.selections import matched_rows
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+RATIOS = {
+    "counts / counts_onaxis": ("counts", "counts_onaxis"),
+    "counts / counts_expected": ("counts", "counts_expected"),
+    "flux / flux_true": ("flux_cgs", "flux_true_cgs"),
+}
+RATIO_EDGES = 10.0 ** np.linspace(-2.0, 2.0, 1001)
+
+
+def _empty() -> dict[str, GroupedValues]:
+    return {name: GroupedValues(RATIO_EDGES, is_log=True) for name in RATIOS}
+
+
+@dataclass(slots=True)
+class Photometry:
+    """Ratios of one cell, method and rule."""
+
+    ratios: dict[str, GroupedValues] = field(default_factory=_empty)
+
+    def add(self, matches: DataFrame) -> None:
+        """Add the matched rows of one rule."""
+        matched = matched_rows(matches)
+        for name, (measured, true) in RATIOS.items():
+            denominator = matched[true].to_numpy(np.float64)
+            known = denominator > 0
+            ratio = np.full(len(matched), np.nan)
+            ratio[known] = matched[measured].to_numpy(np.float64)[known] / denominator[known]
+            self.ratios[name].add(matched, ratio)
+
+    def table(self, flux_limit_cgs: float = float("nan")) -> DataFrame:
+        """A row for each ratio and part: n, median with interval, q16, q84, mean, mean_err, stdev."""
+        import pandas as pd
+
+        rows = []
+        for name, values in self.ratios.items():
+            for part in values.parts(flux_limit_cgs):
+                s = part.summary
+                rows.append(
+                    (
+                        *(name, part.selection, part.lower_edge, part.upper_edge, s.n),
+                        *(s.quantile(0.5), *s.quantile_interval(0.5), s.quantile(0.16), s.quantile(0.84)),
+                        *(s.mean, s.mean_err, s.stdev),
+                    )
+                )
+        names = "ratio selection lower_edge upper_edge n median median_lower median_upper q16 q84 mean mean_err stdev"
+        return pd.DataFrame(rows, columns=names.split())
