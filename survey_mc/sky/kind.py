@@ -101,7 +101,7 @@ def source_frame(
 
     x_arcsec, y_arcsec, flux_cgs, rate_cps: (n,). The others: (n,) or one value for all.
     """
-    from pandas import DataFrame, Series
+    from pandas import DataFrame, RangeIndex, Series
 
     n = len(x_arcsec)
     kinds = _one_string(kind).repeat(n) if isinstance(kind, str) else Series(kind).array
@@ -121,4 +121,4 @@ def source_frame(
         "group_id": np.full(n, group_id, dtype=np.int32),
         "group_sep_arcsec": column(group_sep_arcsec),
     }
-    return DataFrame(columns, copy=False)
+    return DataFrame(columns, index=RangeIndex(n), copy=False)

@@ -140,7 +140,7 @@ def _image_photons(rng: np.random.Generator, image: SkyImage, response: Response
 
 def _truth(sky: Sky, response: Response, column: Columns, sources: FloatArray, drawn: IntArray) -> DataFrame:
     """The columns of `columns.TRUTH` without `realisation`."""
-    from pandas import DataFrame, concat
+    from pandas import DataFrame, RangeIndex, concat
 
     frame, grid = sky.sources, response.grid
     x_arcsec, y_arcsec, counts_onaxis = sources[:, 0], sources[:, 1], sources[:, 2]
@@ -157,7 +157,8 @@ def _truth(sky: Sky, response: Response, column: Columns, sources: FloatArray, d
         "counts_expected": counts_onaxis * _mean_transmission(response, sources, column["beta"]),
         "counts_drawn": drawn[: len(frame)],
     }
-    truth = DataFrame(columns, copy=False)
+    # With its index given, pandas need not look for a common one: a third of the time.
+    truth = DataFrame(columns, index=RangeIndex(len(frame)), copy=False)
     rows = [
         _image_truth(image, response, len(frame) + i, int(drawn[len(frame) + i])) for i, image in enumerate(sky.images)
     ]
