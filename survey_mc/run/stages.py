@@ -44,17 +44,20 @@ def match_on(campaign: Campaign, cell: Cell, field: Field, detections: DataFrame
     return match_field(field, detections, campaign.match, cell.counts_min)
 
 
+def stored_truth(field: Field) -> DataFrame:
+    """The truth that is kept: every source that can give photons. Those outside the field of view cannot."""
+    truth = field.truth
+    return truth[(truth["counts_expected"] > 0.0) | (truth["counts_drawn"] > 0)]
+
+
 def stack(rows: list[tuple[int, DataFrame]], table: Table) -> DataFrame:
     """One frame with the `realisation` column from frames of single realisations, in the order given."""
     import pandas as pd
 
-    columns: dict[str, object] = {
-        "realisation": np.repeat(
-            np.array([number for number, _ in rows], dtype=np.int32), [len(frame) for _, frame in rows]
-        )
-    }
-    for column in table.columns[1:]:
-        dtype = object if column.dtype == "string" else np.dtype(column.dtype)
-        parts = [frame[column.name].to_numpy(dtype=dtype) for _, frame in rows]
-        columns[column.name] = np.concatenate(parts) if parts else np.zeros(0, dtype=dtype)
-    return pd.DataFrame(columns, copy=False)
+    names = list(table.names[1:])
+    # Frames without rows may carry columns without type; they must not spoil those of the others.
+    frames = [frame for _, frame in rows if len(frame)] or [frame for _, frame in rows[:1]]
+    stacked = pd.concat(frames, ignore_index=True)[names]
+    numbers = np.array([number for number, _ in rows], dtype=np.int32)
+    stacked.insert(0, "realisation", np.repeat(numbers, [len(frame) for _, frame in rows]))
+    return stacked

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from survey_mc.campaign import Campaign, Cell, CellMethod, draw_field, expand
 from survey_mc.columns import Table
-from survey_mc.run.stages import detect_on, match_on, stack, table_of
+from survey_mc.run.stages import detect_on, match_on, stack, stored_truth, table_of
 from survey_mc.store import Family, Piece, Record, RunLayout, commit_piece, read_piece
 from survey_mc.store.layout import StoredTable
 from survey_mc.types import Field, Skip
@@ -188,7 +188,7 @@ def _work_on_field(
         return
     methods = tuple(m for m in cell.methods if m.label in order.detect or m.label in order.match)
     if order.truth:
-        harvest.keep("truth", cell.field_key, None, realisation, drawn.truth)
+        harvest.keep("truth", cell.field_key, None, realisation, stored_truth(drawn))
     for method in methods:
         detections = _detections(order, method, drawn, realisation, attempt, harvest, stored)
         if detections is not None and method.label in order.match:

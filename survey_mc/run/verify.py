@@ -14,7 +14,7 @@ from survey_mc.run.engine import RunSummary, run_campaign
 from survey_mc.run.executors import ExecutorChoice
 from survey_mc.run.pack import sweep
 from survey_mc.run.simulate import replay
-from survey_mc.run.stages import stack, table_of
+from survey_mc.run.stages import stack, stored_truth, table_of
 from survey_mc.run.work import covered
 from survey_mc.store import Damage, Family, Manifest, Piece, RunLayout, read_piece, run_lock, verify_store
 from survey_mc.store.layout import StoredTable
@@ -114,7 +114,7 @@ def _differences(
 ) -> list[str]:
     again = replay(campaign, cell, method.label, realisation)
     fresh: dict[StoredTable, tuple[str, DataFrame]] = {
-        "truth": (cell.field_key, again.field.truth),
+        "truth": (cell.field_key, stored_truth(again.field)),
         "detections": (method.detect_key, again.detections),
         "matches": (method.match_key, again.matched.matches),
         "links": (method.match_key, again.matched.links),
