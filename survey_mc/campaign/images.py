@@ -27,7 +27,10 @@ def resolve_image(path: str, folder: Path, where: str) -> Path:
         raise BadInput(
             where, f"sky image path must be relative and stay below the campaign's folder (got {path[:80]!r})"
         )
-    root, file = folder.resolve(), (folder / pure).resolve()
+    try:
+        root, file = folder.resolve(), (folder / pure).resolve()
+    except (OSError, RuntimeError):  # until Python 3.12 a loop of links is a RuntimeError
+        raise BadInput(where, f"sky image {path[:80]!r} cannot be followed to a file") from None
     if not file.is_relative_to(root):
         raise BadInput(where, f"sky image {path[:80]!r} leaves the campaign's folder through a link")
     if not file.is_file():

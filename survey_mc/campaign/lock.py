@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 from importlib.metadata import version
 from typing import Any
@@ -33,6 +34,8 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
         "name": campaign.name,
         "about": campaign.about,
         "seed": campaign.seed,
+        "campaign_sha256": hashlib.sha256(campaign.text.encode()).hexdigest(),
+        "inputs_sha256": dict(campaign.image_digests),
         "versions": library_versions(),
         "methods": [
             {

@@ -6,9 +6,12 @@ Idea     a key says its unit (`radius_arcsec`); its value may still be a text su
 
 from __future__ import annotations
 
+from datetime import date, time
 from typing import Any
 
 from survey_mc.errors import BadInput
+
+MAX_NESTING = 32
 
 _UNITS = {
     "_arcsec": ("arcsec", "an angle"),
@@ -26,8 +29,13 @@ _UNITS = {
 def convert_quantities(value: Any, where: str, key: str = "", path: str = "") -> Any:
     """The same TOML value with every text under a key with a unit suffix turned into a number in that unit.
 
-    where: the file; path: the place inside it, for the error sentence.
+    where: the file; path: the place inside it, for the error sentence. Dates and times, which no key takes, and tables
+    nested deeper than any campaign are refused here.
     """
+    if path.count(".") + path.count("[") > MAX_NESTING:
+        raise BadInput(where, f"is nested more than {MAX_NESTING} levels deep")
+    if isinstance(value, date | time):
+        raise BadInput(f"{where}: {path[:200]}", f"must not be a date or a time (got {value})")
     if isinstance(value, dict):
         return {
             k: convert_quantities(v, where, k if isinstance(k, str) else "", f"{path}.{k}" if path else str(k))

@@ -34,7 +34,10 @@ MAX_EXPOSURE_KS = 5000.0
 MAX_REALISATIONS = 10_000_000
 MAX_CELLS = 1000
 MAX_METHODS = 100
+MAX_FIELDS = 10_000_000
+MAX_FILES = 1_000_000
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,99}$"
+ONE_LINE_PATTERN = r"^[^\x00-\x1f\x7f-\x9f]*$"
 
 
 def _as_tuple(value: Any) -> Any:
@@ -68,6 +71,8 @@ class Grid(_Strict):
             values = getattr(self, name)
             if len(set(values)) != len(values):
                 raise ValueError(f"{name} must not repeat a value (got {list(values)})")
+        if len({f"{exposure_ks:g}" for exposure_ks in self.exposure_ks}) < len(self.exposure_ks):
+            raise ValueError(f"exposure_ks must differ in their first six digits (got {list(self.exposure_ks)})")
         return self
 
 
@@ -75,7 +80,12 @@ class MethodChoice(_Strict):
     """One detection procedure of the campaign, with its own parameters."""
 
     name: str = Field(description="registered procedure, see `survey-mc show methods`")
-    label: str = Field("", max_length=80, description="name in tables and figures; default: the procedure's own")
+    label: str = Field(
+        "",
+        max_length=80,
+        pattern=ONE_LINE_PATTERN,
+        description="name in tables and figures; default: the procedure's own",
+    )
     profile: str = Field("paper", description="named set of parameters to start from")
     params: SerializeAsAny[DetectorParams] = Field(
         DetectorParams(), validate_default=True, description="parameters that differ from the profile"
@@ -134,7 +144,7 @@ class Campaign(_Strict):
     schema_version: Literal[1] = Field(alias="schema", description="version of this file format: 1")
     name: str = Field(pattern=NAME_PATTERN, description="letters, digits, _ - and . only; results go to results/<name>")
     seed: int = Field(strict=True, ge=0, lt=2**63, description="every random number of the campaign follows from it")
-    about: str = Field("", max_length=2000, description="one sentence for the report")
+    about: str = Field("", max_length=2000, pattern=ONE_LINE_PATTERN, description="one sentence for the report")
     instrument: InstrumentSettings = Field(description="telescope and camera, effects that are on, numbers that differ")
     sky: AnySkyParams = Field(description="what is up there")
     grid: Grid = Field(description="bands, exposures, realisations")
@@ -175,6 +185,15 @@ class Campaign(_Strict):
         n_cells = len(self.grid.band) * len(self.grid.exposure_ks)
         if n_cells > MAX_CELLS:
             raise ValueError(f"the grid has {n_cells} cells; at most {MAX_CELLS} are allowed")
+        n_fields = n_cells * self.grid.realisations
+        if n_fields > MAX_FIELDS:
+            raise ValueError(f"the grid has {n_fields} fields (cells × realisations); at most {MAX_FIELDS} are allowed")
+        n_files = n_cells * -(-self.grid.realisations // self.store.realisations_per_file) * (1 + 3 * len(self.method))
+        if n_files > MAX_FILES:
+            raise ValueError(
+                f"the results would be {n_files} files; at most {MAX_FILES} are allowed: a larger "
+                f"store.realisations_per_file (got {self.store.realisations_per_file})"
+            )
         for exposure_ks in self.grid.exposure_ks:
             self.match.limit(exposure_ks)
         return self

@@ -5,24 +5,28 @@ from __future__ import annotations
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
+from survey_mc.campaign.schema import NAME_PATTERN, ONE_LINE_PATTERN
 from survey_mc.detect import DETECTORS
-from survey_mc.registry import nearest_name
+from survey_mc.registry import UnknownName, nearest_name
 
 _NOT_SHOWN = object()
 
 
 def sentence_of(error: ValidationError, model: type[BaseModel], content: dict[str, Any]) -> str:
     """The first error of a validation as "place: problem (got value)", and how many more there are."""
-    errors = error.errors(include_url=False)
+    errors = _causes(error)
     first = errors[0]
     place, value = _place(first["loc"], content)
-    if first["type"] == "extra_forbidden":
+    if first["type"] in ("union_tag_not_found", "union_tag_invalid"):
+        place, text = f"{place}.kind" if place else "kind", _unknown_kind(first)
+    elif first["type"] == "extra_forbidden":
         text = _unknown_key(first["loc"], model, content)
     elif first["type"] == "missing":
         text = "is missing"
     else:
-        message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        message = _plain(first["msg"])
         shown = value if value is not _NOT_SHOWN else first.get("input")
         known = first["type"] == "value_error" and repr(shown) in message
         text = _lower_first(message) + (
@@ -30,6 +34,38 @@ def sentence_of(error: ValidationError, model: type[BaseModel], content: dict[st
         )
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     return f"{place}: {text}{more}" if place else f"{text}{more}"
+
+
+def _causes(error: ValidationError) -> list[ErrorDetails]:
+    """The errors without those that only follow from one inside them, such as a list that lost its bad value."""
+    errors = error.errors(include_url=False)
+    above = {e["loc"][:depth] for e in errors for depth in range(len(e["loc"]))}
+    return [e for e in errors if e["loc"] not in above]
+
+
+def _plain(message: str) -> str:
+    """A message of the validation in the words of a campaign file."""
+    message = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    for theirs, ours in (
+        ("Input should be ", "must be "),
+        ("String should ", "must "),
+        ("Tuple should ", "must "),
+        ("an object", "a table"),
+        ("a valid object", "a table"),
+        ("a valid array", "a list"),
+        (f"match pattern '{NAME_PATTERN}'", "be 1..100 letters, digits, _ - and ., the first a letter or a digit"),
+        (f"match pattern '{ONE_LINE_PATTERN}'", "be one line without control characters"),
+    ):
+        message = message.replace(theirs, ours)
+    return message
+
+
+def _unknown_kind(error: ErrorDetails) -> str:
+    if error["type"] == "union_tag_not_found":
+        return "is missing; see `survey-mc show skies`"
+    context = error["ctx"]
+    known = [name.strip(" '") for name in str(context["expected_tags"]).split(",")]
+    return str(UnknownName("kind", str(context["tag"])[:80], known))
 
 
 def _place(loc: tuple[int | str, ...], content: Any) -> tuple[str, Any]:
@@ -41,11 +77,11 @@ def _place(loc: tuple[int | str, ...], content: Any) -> tuple[str, Any]:
             here = here[step]
         elif isinstance(here, list) and isinstance(step, int) and step < len(here):
             here = here[step]
-        elif isinstance(here, dict) and step is not loc[-1] and isinstance(step, str):
+        elif isinstance(step, str) and not (isinstance(here, dict) and step is loc[-1]):
             continue  # a union tag, such as the kind of the sky
         else:
             here = _NOT_SHOWN
-        text += f"[{step}]" if isinstance(step, int) else (f".{step}" if text else str(step))
+        text += f"[{step}]" if isinstance(step, int) else f".{step[:80]}" if text else step[:80]
     return text, here
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from survey_mc.cli.options import (
     json_option,
     out_option,
     print_json,
+    refuse_overwriting,
 )
 from survey_mc.errors import EXIT_FAILED_TASKS
 
@@ -46,7 +48,9 @@ def validate(campaign: Path, as_json: bool) -> None:
 @click.command()
 @campaign_argument
 @out_option
-@click.option("--workers", type=int, default=None, metavar="N", help="Workers to predict for.  [default: all cores]")
+@click.option(
+    "--workers", type=click.IntRange(1, 1024), metavar="N", help="Workers to predict for.  [default: all cores]"
+)
 @json_option
 def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -> None:
     """Say what a run would do: tasks, done and to do, expected CPU time and bytes. Writes nothing."""
@@ -75,6 +79,7 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
                 "workers": n_workers,
                 "bytes": planned.size_bytes,
                 "measured": planned.measured,
+                "problems": list(planned.problems),
                 "cells": cells,
             }
         )
@@ -85,6 +90,8 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
             f"  {cell.label}: {cell.fields - cell.to_do} of {cell.fields} done; to do: "
             f"{human_time(cell.cpu_s)} of CPU, {human_bytes(cell.size_bytes)}"
         )
+    for problem in planned.problems:
+        click.echo(f"  fails on the first field: {problem}")
     click.echo(
         f"{planned.orders} tasks of up to {planned.block} fields; about {human_time(planned.cpu_s)} of CPU, "
         f"{human_time(wall_s)} with {n_workers} workers, {human_bytes(planned.size_bytes)} in {planned.files} files "
@@ -153,7 +160,8 @@ def _print_summary(
     else:
         click.echo(f"{root}: {fields} fields done; {failed} failed, {quarantined} quarantined, {skipped} skipped.")
     if failed or quarantined:
-        click.echo(f"Causes: survey-mc status {root}   Retry: survey-mc run {campaign} --retry-failed --out {root}")
+        where, what = shlex.quote(str(root)), shlex.quote(str(campaign))
+        click.echo(f"Causes: survey-mc status {where}   Retry: survey-mc run {what} --retry-failed --out {where}")
     if page is not None:
         click.echo(f"Report: {page}")
 
@@ -171,6 +179,7 @@ def simulate(campaign: Path, cell: int, realisation: int, out: Path, overwrite: 
     from survey_mc.run import simulate_field
     from survey_mc.run.simulate import pick_cell
 
+    refuse_overwriting((out,), (campaign,))
     loaded = load_campaign(campaign)
     place = pick_cell(loaded, cell)
     field = simulate_field(loaded, cell, realisation)

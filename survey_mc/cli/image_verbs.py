@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from survey_mc.cli.options import PATH
+from survey_mc.cli.options import PATH, refuse_overwriting
 from survey_mc.errors import BadInput
 
 
@@ -86,6 +86,7 @@ def detect(
     from survey_mc.run import detect_image
 
     region_file = regions or out.with_suffix(".reg")
+    refuse_overwriting((out, region_file), (image, exposure, background))
     for target in (out, region_file):
         check_target(target, overwrite)
     found = detect_image(

@@ -17,7 +17,7 @@ from survey_mc.cli.campaign_verbs import CAMPAIGN_VERBS
 from survey_mc.cli.image_verbs import IMAGE_VERBS
 from survey_mc.cli.run_verbs import RUN_VERBS
 from survey_mc.cli.show import show
-from survey_mc.errors import EXIT_INTERRUPTED, SurveyError
+from survey_mc.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, BadInput, SurveyError
 
 
 class _InOrder(click.Group):
@@ -48,6 +48,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave with its exit code; a `SurveyError` is printed as its one sentence."""
     signal.signal(signal.SIGTERM, _interrupt)
     try:
+        _refuse_undecodable(sys.argv[1:] if arguments is None else arguments)
         code = cli.main(args=arguments, prog_name="survey-mc", standalone_mode=False)
     except click.ClickException as problem:
         problem.show()
@@ -61,8 +62,22 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         code = 0
+    except OSError as problem:
+        _say(f"{problem.filename or 'input or output'}: {problem.strerror or problem}")
+        code = EXIT_BAD_INPUT
     sys.exit(code if isinstance(code, int) else 0)
 
 
+def _refuse_undecodable(arguments: list[str]) -> None:
+    """Names of files go into JSON, FITS and Parquet, which hold UTF-8 only."""
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            raise BadInput(ascii(argument)[:200], "is not UTF-8 text") from None
+
+
 def _say(sentence: str) -> None:
-    click.echo(f"survey-mc: {sentence}", err=True)
+    """One line on stderr; control characters, which a file or a file name may hold, do not reach the terminal."""
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in sentence)
+    click.echo(f"survey-mc: {shown}", err=True)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+
+from survey_mc.errors import BadInput
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -30,6 +32,15 @@ def executor_options(verb: F) -> F:
     ):
         verb = option(verb)
     return verb
+
+
+def refuse_overwriting(targets: Sequence[Path], sources: Sequence[Path | None]) -> None:
+    """Raise `BadInput` if a file to write is one of those that are read, or is named twice."""
+    for number, target in enumerate(targets):
+        if target.exists() and any(s is not None and s.exists() and target.samefile(s) for s in sources):
+            raise BadInput(str(target), "is one of the files to read; give another name to write to")
+        if target.absolute() in [other.absolute() for other in targets[:number]]:
+            raise BadInput(str(target), "is named twice; each file to write needs a name of its own")
 
 
 def print_json(content: Any) -> None:

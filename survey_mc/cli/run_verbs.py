@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
@@ -82,11 +83,11 @@ def verify(
         )
     else:
         for damage in result.damages:
-            click.echo(f"damaged: {damage.path}: {damage.about}")
+            click.echo(f"{'left over' if damage.kind == 'leftover' else 'damaged'}: {damage.path}: {damage.about}")
         for sentence in result.differences:
             click.echo(f"differs: {sentence}")
         click.echo(
-            f"{result.files} files checked, {len(result.damages)} damaged"
+            f"{result.files} files checked, {result.n_damaged} damaged"
             + (
                 f"; {len(result.replayed)} fields computed again, {len(result.differences)} tables differ"
                 if n_replay
@@ -94,8 +95,8 @@ def verify(
             )
             + ("; repaired" if result.repaired is not None else "")
         )
-        if result.damages and not repair:
-            click.echo(f"Repair: survey-mc verify {run} --repair", err=True)
+        if result.n_damaged and not repair:
+            click.echo(f"Repair: survey-mc verify {shlex.quote(str(run))} --repair", err=True)
     mended = result.repaired is not None and result.repaired.complete and not result.differences
     return 0 if result.sound or mended else EXIT_DAMAGED_STORE
 
@@ -113,14 +114,13 @@ def replay(run: Path, cell: int, realisation: int, label: str | None) -> None:
 
     campaign = load_run_campaign(run)
     place = pick_cell(campaign, cell)
-    for method in place.methods:
-        if label is None or method.label == label:
-            again = replay_one(campaign, place, method.label, realisation)
-            found = again.matched.matches
-            statuses = found[found["rule"] == campaign.match.rule]["status"].value_counts().sort_index()
-            text = ", ".join(f"{number} {name}" for name, number in statuses.items())
-            where = f"{place.label} / {method.label} / realisation {realisation}"
-            click.echo(f"{where}: {len(again.detections)} detections: {text}")
+    for chosen in [m.label for m in place.methods] if label is None else [label]:
+        again = replay_one(campaign, place, chosen, realisation)
+        found = again.matched.matches
+        statuses = found[found["rule"] == campaign.match.rule]["status"].value_counts().sort_index()
+        text = ", ".join(f"{number} {name}" for name, number in statuses.items())
+        where = f"{place.label} / {chosen} / realisation {realisation}"
+        click.echo(f"{where}: {len(again.detections)} detections: {text}")
 
 
 RUN_VERBS = (status, report, verify, replay)

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand, load_campaign, lock_content
 from survey_mc.campaign.images import resolve_image
-from survey_mc.errors import SurveyError
+from survey_mc.errors import BadInput, SurveyError
 from survey_mc.run.executors import ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.journal import Journal, known_failures
-from survey_mc.run.pack import pack_shard, sweep
+from survey_mc.run.pack import drop_superseded, pack_shard, sweep
 from survey_mc.run.task import Order, Outcome
-from survey_mc.run.work import block_size, families_of, orders, shards
+from survey_mc.run.work import NO_FAILURES, block_size, families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock
 
 RESULTS_FOLDER = "results"
@@ -75,7 +75,7 @@ def run_campaign(
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)
-    layout = RunLayout(Path(out).resolve() if out is not None else default_run_dir(campaign).resolve())
+    layout = RunLayout(Path(out).absolute() if out is not None else default_run_dir(campaign).absolute())
     choice = executor or ExecutorChoice()
     try:
         with run_lock(layout):
@@ -95,17 +95,21 @@ def _run_locked(
     on_progress: Callable[[Progress], None],
 ) -> RunSummary:
     cells = expand(campaign)
+    refuse_foreign(campaign, layout)
     manifest = Manifest(layout.manifest)
     sweep(layout, manifest)
+    if manifest.is_torn or manifest.unreadable_lines or not layout.manifest.exists():
+        manifest.compact()
     write_campaign(campaign, layout)
-    failed = frozenset() if retry_failed else known_failures(RunData(layout.root).journal_lines())
-    pack_all(layout, manifest, cells, campaign.store.realisations_per_file, only_whole=True)
-    everything = list(orders(campaign, cells, manifest, layout.root, campaign.store.realisations_per_file, failed))
-    n_fields = sum(order.n_fields for order in everything)
+    failed = NO_FAILURES if retry_failed else known_failures(RunData(layout.root).journal_lines())
+    per_file = campaign.store.realisations_per_file
+    pack_all(layout, manifest, cells, per_file, only_whole=True)
+    n_fields = sum(order.n_fields for order in orders(campaign, cells, manifest, layout.root, per_file, failed))
     if n_fields == 0:
+        _tidy(layout, manifest, cells, per_file)
         return _summary(layout, cells, manifest, 0, 0, 0)
     workers = 1 if choice.serial else choice.workers or usable_cores()
-    block = block or block_size(n_fields, workers, campaign.store.realisations_per_file)
+    block = block or block_size(n_fields, workers, per_file)
     journal = Journal(layout)
     with open_executor(choice) as executor:
         journal.start(executor.name, executor.workers, n_fields, block)
@@ -114,11 +118,17 @@ def _run_locked(
         skipped, quarantined = _harvest(
             executor.execute(todo), n_fields, cells, campaign, layout, manifest, journal, on_progress
         )
-    pack_all(layout, manifest, cells, campaign.store.realisations_per_file, only_whole=False)
-    manifest.compact()
+    _tidy(layout, manifest, cells, per_file)
     summary = _summary(layout, cells, manifest, n_fields, skipped, quarantined)
     journal.finish(fields=n_fields, failed=summary.failed, skipped=skipped, quarantined=quarantined)
     return summary
+
+
+def _tidy(layout: RunLayout, manifest: Manifest, cells: tuple[Cell, ...], per_file: int) -> None:
+    """Leave a run whose files do not tell how the work was scheduled or interrupted."""
+    pack_all(layout, manifest, cells, per_file, only_whole=False)
+    drop_superseded(layout, manifest)
+    manifest.compact()
 
 
 def _harvest(
@@ -137,7 +147,7 @@ def _harvest(
     on_progress(Progress(0, n_fields, {}))
     for order, result in results:
         cell = cells[order.cell_index]
-        keys = {m.label: m.detect_key for m in cell.methods}
+        keys = {"": cell.field_key} | {m.label: m.detect_key for m in cell.methods}
         if isinstance(result, Exception):
             if isinstance(result, OSError | SurveyError):
                 raise result
@@ -175,12 +185,32 @@ def pack_all(
                 pack_shard(layout, manifest, family, shard, only_whole=only_whole)
 
 
+def refuse_foreign(campaign: Campaign, layout: RunLayout) -> None:
+    """Raise `BadInput` for a folder that holds the run of another campaign, or files that a run would overwrite."""
+    if layout.lock_file.is_file():
+        try:
+            name = json.loads(layout.lock_file.read_text(encoding="utf-8"))["name"]
+        except (ValueError, KeyError, TypeError):
+            return  # damaged, and about to be written again
+        if name != campaign.name:
+            raise BadInput(
+                str(layout.root), f"holds a run of the campaign {name!r}, not of {campaign.name!r}; give another --out"
+            )
+        return
+    if layout.campaign.is_file() and layout.campaign.read_bytes() == campaign.text.encode():
+        return
+    taken = [p.name for p in (layout.campaign, layout.manifest, layout.store.parent, layout.journals) if p.exists()]
+    if taken:
+        raise BadInput(str(layout.root), f"is no run directory and has a {taken[0]} already; give another --out")
+
+
 def write_campaign(campaign: Campaign, layout: RunLayout) -> None:
     """Put the campaign, its sky images and the lock file into the run directory."""
     if not campaign.text:
         raise SurveyError(
             "a campaign made in Python must be given as TOML text (parse_campaign) so that it can be kept"
         )
+    lock_text = json.dumps(lock_content(campaign), indent=1, sort_keys=True) + "\n"
     _replace(layout.campaign, campaign.text)
     for path in campaign.image_digests:
         copy = layout.root / "inputs" / path
@@ -188,7 +218,7 @@ def write_campaign(campaign: Campaign, layout: RunLayout) -> None:
         if not (copy.exists() and copy.samefile(source)):
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, copy)
-    _replace(layout.lock_file, json.dumps(lock_content(campaign), indent=1, sort_keys=True) + "\n")
+    _replace(layout.lock_file, lock_text)
 
 
 def _replace(path: Path, text: str) -> None:

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
+import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -115,6 +117,11 @@ class DaskExecutor:
         while waiting:
             future = next(finished)
             order = waiting.pop(future)
+            if future.status in ("cancelled", "lost"):
+                raise SurveyError(
+                    "the connection to the dask scheduler was lost; what is finished is stored, and the same command "
+                    "goes on from there"
+                )
             problem = future.exception() if future.status != "finished" else None
             result = problem if problem is not None else future.result()
             future.release()
@@ -139,19 +146,46 @@ def _local_cluster(workers: int) -> Iterator[Client]:
         "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": MALLOC_THRESHOLD_BYTES,
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": MALLOC_THRESHOLD_BYTES,
     }
-    with (
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+    with dask.config.set(settings), ExitStack() as opened:
+        with _undisturbed():
+            try:
+                cluster = LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                )
+            except (RuntimeError, TimeoutError) as problem:
+                raise SurveyError(
+                    f"the {workers} worker processes did not start ({problem}); try again, with fewer --workers or "
+                    "--serial"
+                ) from problem
+            opened.enter_context(cluster)
+            client = opened.enter_context(Client(cluster))
         yield client
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let SIGINT and SIGTERM wait until the workers have started: a cluster that is half there cannot be closed.
+
+    The workers inherit that SIGINT is blocked, so that Ctrl-C in a terminal is for this process alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: held.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        if held:
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 @contextmanager
@@ -159,6 +193,9 @@ def _existing_cluster(choice: ExecutorChoice) -> Iterator[Client]:
     from distributed import Client
 
     where = choice.scheduler or str(choice.scheduler_file)
+    # A lost scheduler is one sentence of ours, not pages of its reconnection attempts.
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         if choice.scheduler_file is not None:
             if not choice.scheduler_file.is_file():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +46,9 @@ def method_params(method: str, given: Mapping[str, Any], profile: str = "paper")
         raise UnknownName(f"profile of {method}", profile, detector.profiles)
     content = {**detector.profiles[profile].model_dump(), **given}
     try:
-        return detector, detector.params.model_validate(content)
+        # The strict rules of a campaign file: a text is no number and a truth value is no 1.
+        text = json.dumps(content, default=str)
+        return detector, detector.params.model_validate_json(text, strict=True)
     except ValidationError as error:
         raise BadInput(f"parameter of {method}", sentence_of(error, detector.params, content)) from None
 

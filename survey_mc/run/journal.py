@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import socket
 import sys
 import time
@@ -48,7 +49,10 @@ class Journal:
         )
 
     def task(self, cell_label: str, order: Order, outcome: Outcome, keys: dict[str, str], where: str) -> None:
-        """Costs of a finished order, and a line for each failure and skip in it."""
+        """Costs of a finished order, and a line for each failure and skip in it.
+
+        keys: detect key of each method and, under the empty label, the key of the field.
+        """
         self.write(
             "task",
             cell=cell_label,
@@ -63,7 +67,7 @@ class Journal:
             ],
         )
         for failure in outcome.failures:
-            replay = f"survey-mc replay {where} --cell {order.cell_index} --realisation {failure.realisation}"
+            replay = _replay_command(where, order, failure.realisation)
             self.write(
                 "failure",
                 cell=cell_label,
@@ -73,7 +77,7 @@ class Journal:
                 stage=failure.stage,
                 error=failure.error,
                 trace=failure.trace,
-                replay=replay + (f" --method {json.dumps(failure.method)}" if failure.method else ""),
+                replay=replay + (f" --method {shlex.quote(failure.method)}" if failure.method else ""),
             )
         for realisation, method, reason in outcome.skips:
             self.write("skip", cell=cell_label, realisation=realisation, method=method, reason=reason)
@@ -87,16 +91,23 @@ class Journal:
             stop=order.stop,
             keys=sorted(keys.values()),
             error=error[:2000],
-            replay=f"survey-mc replay {where} --cell {order.cell_index} --realisation {order.start}",
+            replay=_replay_command(where, order, order.start),
         )
 
     def finish(self, **content: Any) -> None:
         self.write("finish", wall_s=round(time.perf_counter() - self.begun_s, 3), **content)
 
 
-def known_failures(entries: Iterable[dict[str, Any]]) -> set[tuple[str, int]]:
-    """(detect key, realisation) of the failures that earlier runs wrote down."""
-    return set(_failed(entries))
+def _replay_command(where: str, order: Order, realisation: int) -> str:
+    return f"survey-mc replay {shlex.quote(where)} --cell {order.cell_index} --realisation {realisation}"
+
+
+def known_failures(entries: Iterable[dict[str, Any]]) -> dict[str, set[int]]:
+    """Realisations of the failures that earlier runs wrote down, by the field key (drawing) or the detect key."""
+    found: dict[str, set[int]] = {}
+    for key, realisation in _failed(entries):
+        found.setdefault(key, set()).add(realisation)
+    return found
 
 
 def _failed(entries: Iterable[dict[str, Any]]) -> Iterator[tuple[str, int]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from survey_mc.run.work import Range, covered
+from survey_mc.run.work import Range
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_piece
 from survey_mc.store.parquet import piece_table
 
@@ -18,7 +18,7 @@ def pack_shard(layout: RunLayout, manifest: Manifest, family: Family, shard: Ran
 
     only_whole: join only if the shard is complete (while a run goes on, more parts may still come).
     """
-    for run in _adjacent(covered(manifest, family, *shard)):
+    for run in _adjacent(manifest.covering(family, *shard)):
         start, stop = run[0].piece.start, run[-1].piece.stop
         inside = shard[0] <= start and stop <= shard[1]
         if len(run) > 1 and inside and ((start, stop) == shard or not only_whole):
@@ -49,6 +49,14 @@ def _adjacent(parts: Iterable[Record]) -> Iterator[list[Record]]:
         yield run
 
 
+def drop_superseded(layout: RunLayout, manifest: Manifest) -> None:
+    """Remove the parts that lie inside a larger file: of a killed packing, or made again beside a whole one."""
+    gone = manifest.superseded()
+    manifest.drop(gone)
+    for piece in gone:
+        (layout.root / piece.path).unlink(missing_ok=True)
+
+
 def sweep(layout: RunLayout, manifest: Manifest) -> None:
     """Remove what a killed run left behind: temporary files, packed parts, files that never entered the manifest.
 
@@ -57,7 +65,7 @@ def sweep(layout: RunLayout, manifest: Manifest) -> None:
     if layout.temporary.is_dir():
         for path in layout.temporary.iterdir():
             path.unlink(missing_ok=True)
-    manifest.drop(manifest.superseded())
+    drop_superseded(layout, manifest)
     for relative in list(layout.piece_files()):
         piece = Piece.from_path(relative)
         if piece is not None and piece not in manifest:

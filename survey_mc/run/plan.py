@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand
-from survey_mc.run.engine import default_run_dir
+from survey_mc.run.engine import default_run_dir, refuse_foreign
 from survey_mc.run.journal import known_failures
 from survey_mc.run.stages import stack
 from survey_mc.run.task import Order, Outcome, measure_field
@@ -36,7 +36,8 @@ class CellPlan:
 class CampaignPlan:
     """A whole run. orders: tasks at the default block size. files: stored files when complete.
 
-    measured: where the costs come from ("journal", "one field of each cell" or "nothing to do").
+    measured: where the costs come from ("journal", "one field of each cell" or "nothing to do"). problems: what failed
+    on the fields that were computed to measure, whose costs are then too low.
     """
 
     root: Path
@@ -45,6 +46,7 @@ class CampaignPlan:
     block: int
     files: int
     measured: str
+    problems: tuple[str, ...]
 
     @property
     def cpu_s(self) -> float:
@@ -65,31 +67,33 @@ class CampaignPlan:
 
 def plan_campaign(campaign: Campaign, out: Path | str | None = None, workers: int = 1) -> CampaignPlan:
     """Tasks, fields done and to do, expected CPU time and bytes; nothing is written."""
-    layout = RunLayout(Path(out).resolve() if out is not None else default_run_dir(campaign).resolve())
+    layout = RunLayout(Path(out).absolute() if out is not None else default_run_dir(campaign).absolute())
+    refuse_foreign(campaign, layout)
     cells = expand(campaign)
     manifest = Manifest(layout.manifest)
     known = layout.lock_file.is_file()
     entries = list(RunData(layout.root).journal_lines()) if known else []
     per_file = campaign.store.realisations_per_file
-    todo = list(orders(campaign, cells, manifest, layout.root, per_file, known_failures(entries)))
-    n_fields = sum(order.n_fields for order in todo)
+    failed = known_failures(entries)
+    todo = [list(orders(campaign, (cell,), manifest, layout.root, per_file, failed)) for cell in cells]
+    n_fields = sum(order.n_fields for mine in todo for order in mine)
     block = block_size(n_fields, workers, per_file)
     spent = _costs_of_journal(entries)
-    measured = "journal" if spent else ("one field of each cell" if todo else "nothing to do")
+    measured = "journal" if spent else ("one field of each cell" if n_fields else "nothing to do")
     plans = []
-    for cell in cells:
-        mine = [order for order in todo if order.cell_index == cell.index]
+    problems: list[str] = []
+    for cell, mine in zip(cells, todo, strict=True):
         costs = {stage: spent[cell.label, *stage] for stage in _stages(mine) if (cell.label, *stage) in spent}
         size_bytes = 0
         if mine:
-            sample, size_bytes = _measure(campaign, cell)
+            sample, size_bytes = _measure(campaign, cell, problems)
             costs = {**sample, **costs}
         cpu_s = sum(costs.get(stage, 0.0) * order.n_fields for order in mine for stage in _stages([order]))
         n_mine = sum(order.n_fields for order in mine)
         plans.append(CellPlan(cell.label, cell.realisations, n_mine, cpu_s, size_bytes * n_mine))
     n_files = sum(1 for cell in cells for _ in shards(cell.realisations, per_file) for _ in families_of(cell))
-    n_orders = sum(-(-order.n_fields // block) for order in todo)
-    return CampaignPlan(layout.root, tuple(plans), n_orders, block, n_files, measured)
+    n_orders = sum(-(-order.n_fields // block) for mine in todo for order in mine)
+    return CampaignPlan(layout.root, tuple(plans), n_orders, block, n_files, measured, tuple(problems))
 
 
 def _stages(mine: list[Order]) -> list[tuple[str, str]]:
@@ -116,9 +120,10 @@ def _costs_of_journal(entries: list[dict[str, object]]) -> dict[tuple[str, str, 
     return {place: cpu / fields for place, (cpu, fields) in sums.items() if fields}
 
 
-def _measure(campaign: Campaign, cell: Cell) -> tuple[dict[tuple[str, str], float], int]:
-    """CPU seconds of each stage on the first field of a cell, and the bytes its rows take in a file."""
+def _measure(campaign: Campaign, cell: Cell, problems: list[str]) -> tuple[dict[tuple[str, str], float], int]:
+    """CPU seconds of each stage on the first field of a cell, and the bytes its rows take; notes what failed."""
     outcome = Outcome()
     rows = measure_field(campaign, cell, 0, outcome)
+    problems.extend(f"{cell.label} / {f.method or 'drawing'}: {f.error}" for f in outcome.failures)
     size_bytes = sum(encoded_bytes(table, stack([(0, frame)], table)) for table, frame in rows)
     return {place: cost.cpu_s / max(cost.fields, 1) for place, cost in outcome.costs.items()}, size_bytes

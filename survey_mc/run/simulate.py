@@ -39,9 +39,13 @@ def simulate_field(campaign: Campaign | Path | str, cell: int = 0, realisation: 
     """Draw one field of a campaign: the same photons as in its runs. realisation may exceed the campaign's number."""
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)
+    _check_realisation(campaign, realisation)
+    return draw_field(campaign, pick_cell(campaign, cell), realisation)
+
+
+def _check_realisation(campaign: Campaign, realisation: int) -> None:
     if realisation < 0:
         raise BadInput(campaign.name, f"--realisation must be 0 or more (got {realisation})")
-    return draw_field(campaign, pick_cell(campaign, cell), realisation)
 
 
 def replay(campaign: Campaign, cell: Cell, method_label: str, realisation: int) -> Replayed:
@@ -49,6 +53,7 @@ def replay(campaign: Campaign, cell: Cell, method_label: str, realisation: int) 
     method = next((m for m in cell.methods if m.label == method_label), None)
     if method is None:
         raise UnknownName("method", method_label, [m.label for m in cell.methods])
+    _check_realisation(campaign, realisation)
     field = draw_field(campaign, cell, realisation)
     found = detect_on(campaign, method, field, realisation)
     if isinstance(found, Skip):

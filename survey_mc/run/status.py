@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from survey_mc.store import RunData
+from survey_mc.store import CellRecord, RunData
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def run_status(run_dir: Path | str) -> RunStatus:
         elif event == "skip":
             skips[entry["reason"]] = skips.get(entry["reason"], 0) + 1
         elif event in ("failure", "quarantine") and entry.get("cell") in known:
-            for failure in _single_failures(entry, known[entry["cell"]].detect_keys):
+            for failure in _single_failures(entry, known[entry["cell"]]):
                 latest[failure["cell"], failure["method"], failure["realisation"]] = failure
     missing = tuple(
         failure
@@ -76,18 +76,21 @@ def run_status(run_dir: Path | str) -> RunStatus:
     return RunStatus(data.layout.root, rows, missing, skips)
 
 
-def _single_failures(entry: dict[str, Any], detect_keys: dict[str, str]) -> list[dict[str, Any]]:
-    """Failures of single fields and methods: a quarantined task is one for each of its fields and methods."""
+def _single_failures(entry: dict[str, Any], cell: CellRecord) -> list[dict[str, Any]]:
+    """Failures of single fields and methods: a quarantined task is one for each of its fields and methods.
+
+    Those of another sky, instrument or other parameters than the campaign has now are left out.
+    """
     shared = {"cell": entry["cell"], "error": entry["error"], "replay": entry["replay"]}
     if entry["event"] == "failure":
-        labels = [entry["method"]] if entry["method"] else list(detect_keys)
-        if entry["method"] and entry.get("key") != detect_keys.get(entry["method"]):
-            return []  # of other parameters than the campaign has now
+        labels = [entry["method"]] if entry["method"] else list(cell.detect_keys)
+        if entry["key"] != (cell.detect_keys.get(entry["method"]) if entry["method"] else cell.field_key):
+            return []
         return [
             {**shared, "method": label, "realisation": entry["realisation"], "stage": entry["stage"]}
             for label in labels
         ]
-    labels = [label for label, key in detect_keys.items() if key in entry["keys"]]
+    labels = [label for label, key in cell.detect_keys.items() if key in entry["keys"]]
     return [
         {**shared, "method": label, "realisation": realisation, "stage": "task"}
         for label in labels

@@ -111,7 +111,7 @@ class _Attempt:
         try:
             with self.timed(method, stage):
                 return work()
-        except Exception as problem:
+        except (Exception, SystemExit) as problem:
             text = f"{type(problem).__name__}: {problem}"
             trace = traceback.format_exc()[-_TRACEBACK_CHARACTERS:]
             self.outcome.failures.append(Failure(realisation, method, stage, text[:500], trace))

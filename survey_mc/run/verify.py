@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,9 +15,9 @@ from survey_mc.run.executors import ExecutorChoice
 from survey_mc.run.pack import sweep
 from survey_mc.run.simulate import replay
 from survey_mc.run.stages import stack, stored_truth, table_of
-from survey_mc.run.work import covered
-from survey_mc.store import Damage, Family, Manifest, Piece, RunLayout, read_piece, run_lock, verify_store
+from survey_mc.store import Damage, Family, Manifest, Piece, RunData, RunLayout, read_piece, run_lock, verify_store
 from survey_mc.store.layout import StoredTable
+from survey_mc.store.parquet import file_sha256
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -38,7 +38,13 @@ class VerifyResult:
 
     @property
     def sound(self) -> bool:
-        return not self.damages and not self.differences
+        """Nothing but what a killed run left over is wrong, and every replayed field came out the same."""
+        return not self.differences and self.n_damaged == 0
+
+    @property
+    def n_damaged(self) -> int:
+        """Damages without what a killed run left over."""
+        return sum(damage.kind != "leftover" for damage in self.damages)
 
 
 def verify_run(
@@ -54,12 +60,12 @@ def verify_run(
 
     seed: chooses which fields are replayed. After a repair `damages` still lists what was found.
     """
-    layout = RunLayout(Path(run_dir).resolve())
+    layout = RunLayout(Path(run_dir).absolute())
     if not layout.lock_file.is_file():
         raise BadInput(str(layout.root), "is not a run directory (it has no campaign.lock.json)")
     manifest = Manifest(layout.manifest)
     result = VerifyResult(files=len(manifest))
-    result.damages = list(verify_store(layout, manifest, on_file))
+    result.damages = [*_campaign_damages(layout), *verify_store(layout, manifest, on_file)]
     if repair and result.damages:
         result.repaired = _repair(layout, result.damages, executor)
         manifest = Manifest(layout.manifest)
@@ -67,6 +73,17 @@ def verify_run(
         damaged = {damage.piece for damage in result.damages} if not repair else set()
         _replay_some(layout, manifest, n_replay, seed, result, damaged)
     return result
+
+
+def _campaign_damages(layout: RunLayout) -> Iterator[Damage]:
+    """The campaign and its sky images must be those that the lock file was made from."""
+    lock = RunData(layout.root).lock
+    inputs = {f"inputs/{path}": digest for path, digest in lock.get("inputs_sha256", {}).items()}
+    for path, digest in {layout.campaign.name: lock.get("campaign_sha256"), **inputs}.items():
+        file = layout.root / path
+        if not file.is_file() or file_sha256(file) != digest:
+            about = "is not what the run was made with; `survey-mc run` with the campaign file writes it again"
+            yield Damage("campaign", path, about)
 
 
 def _repair(layout: RunLayout, damages: list[Damage], executor: ExecutorChoice | None) -> RunSummary:
@@ -122,7 +139,7 @@ def _differences(
     found = []
     for table, (key, frame) in fresh.items():
         place = f"{cell.label} / {method.label} / realisation {realisation}: {table}"
-        records = covered(manifest, Family(table, key), realisation, realisation + 1)
+        records = manifest.covering(Family(table, key), realisation, realisation + 1)
         if not records or records[0].piece in damaged:
             continue
         try:

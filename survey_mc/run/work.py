@@ -8,17 +8,20 @@ Idea     every family of files is cut into shards of `realisations_per_file`, al
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 
 from survey_mc.campaign import Campaign, Cell, CellMethod
 from survey_mc.run.task import Order
 from survey_mc.store import Family, Manifest, Record
 
-# (detect key, realisation) of fields on which a method failed before; they are left alone unless asked for again.
-KnownFailures = Collection[tuple[str, int]]
+# Realisations that failed before, by the field key (drawing) or the detect key (a method); they are left alone unless
+# asked for again.
+KnownFailures = Mapping[str, Collection[int]]
+NO_FAILURES: KnownFailures = MappingProxyType({})
 Range = tuple[int, int]
 
 ORDERS_PER_WORKER = 8  # enough to even out unequal fields, few enough to keep the overhead of an order small
@@ -28,11 +31,6 @@ def shards(n_realisations: int, per_file: int) -> Iterator[Range]:
     """Ranges of realisations of the stored files of one family."""
     for start in range(0, n_realisations, per_file):
         yield start, min(start + per_file, n_realisations)
-
-
-def covered(manifest: Manifest, family: Family, start: int, stop: int) -> list[Record]:
-    """Stored files of a family that overlap a range, in order."""
-    return [r for r in manifest.records(family) if r.piece.start < stop and r.piece.stop > start]
 
 
 def missing_ranges(records: Iterable[Record], start: int, stop: int, except_for: Collection[int] = ()) -> list[Range]:
@@ -79,24 +77,30 @@ class Missing:
 
 
 def _missing_in(manifest: Manifest, cell: Cell, start: int, stop: int, failed: KnownFailures) -> Missing:
-    truth = missing_ranges(covered(manifest, Family("truth", cell.field_key), start, stop), start, stop)
+    undrawn = [j for j in range(start, stop) if j in failed.get(cell.field_key, ())]
+    truth = missing_ranges(manifest.covering(Family("truth", cell.field_key), start, stop), start, stop, undrawn)
     detect: dict[str, list[Range]] = {}
     match: dict[str, list[Range]] = {}
     for method in cell.methods:
-        broken = [j for key, j in failed if key == method.detect_key and start <= j < stop]
+        broken = [j for j in range(start, stop) if j in undrawn or j in failed.get(method.detect_key, ())]
         for wanted, tables in ((detect, ("detections",)), (match, ("matches", "links"))):
             key = method.detect_key if wanted is detect else method.match_key
             holes = [
                 hole
                 for table in tables
-                for hole in missing_ranges(covered(manifest, Family(table, key), start, stop), start, stop, broken)  # type: ignore[arg-type]
+                for hole in missing_ranges(manifest.covering(Family(table, key), start, stop), start, stop, broken)  # type: ignore[arg-type]
             ]
             wanted[method.label] = holes
     return Missing(truth, detect, match)
 
 
 def orders(
-    campaign: Campaign, cells: Iterable[Cell], manifest: Manifest, root: Path, block: int, failed: KnownFailures = ()
+    campaign: Campaign,
+    cells: Iterable[Cell],
+    manifest: Manifest,
+    root: Path,
+    block: int,
+    failed: KnownFailures = NO_FAILURES,
 ) -> Iterator[Order]:
     """Orders for all that is missing, cell by cell, at most `block` fields each."""
     for cell in cells:
@@ -113,7 +117,7 @@ def orders(
                 for first in range(a, b, block):
                     last = min(first + block, b)
                     stored = {
-                        m.label: tuple(covered(manifest, Family("detections", m.detect_key), first, last))
+                        m.label: tuple(manifest.covering(Family("detections", m.detect_key), first, last))
                         for m in only_match
                     }
                     yield Order(campaign, root, cell.index, first, last, truth, detect, match, stored)

@@ -35,7 +35,7 @@ class CombinedParams(SkyParams):
     """Several skies on top of each other."""
 
     kind: Literal["combined"] = "combined"
-    parts: tuple[SimpleSkyParams, ...] = Field(min_length=1, description="the skies, each with its kind")
+    parts: tuple[SimpleSkyParams, ...] = Field(min_length=1, max_length=20, description="the skies, each with its kind")
 
 
 def draw(params: CombinedParams, context: SkyContext) -> Sky:

@@ -83,15 +83,33 @@ class LogNLogSParams(SkyParams):
 
 def draw(params: LogNLogSParams, context: SkyContext) -> Sky:
     """Point sources, bright to faint, uniform in the square of the image and its margin."""
-    half_arcsec = context.half_width_arcsec + params.margin_arcmin * ARCSEC_PER_ARCMIN
-    area_deg2 = (2 * half_arcsec / ARCSEC_PER_DEG) ** 2
+    half_arcsec = _half_side_arcsec(params, context.half_width_arcsec)
     counts = _counts_of_band(params, context.band.name)
     flux_cgs = poisson_fluxes(
-        counts, area_deg2 * params.normalisation, params.flux_min_cgs, params.flux_max_cgs, context.rng("levels")
+        counts,
+        _area_deg2(half_arcsec) * params.normalisation,
+        params.flux_min_cgs,
+        params.flux_max_cgs,
+        context.rng("levels"),
     )
     unit_square = context.rng("positions").random((len(flux_cgs), 2))
     x_arcsec, y_arcsec = (2.0 * unit_square.T - 1.0) * half_arcsec
     return Sky(source_frame("point", x_arcsec, y_arcsec, flux_cgs, context.rate_cps(flux_cgs)))
+
+
+def expected_number(params: LogNLogSParams, band: str, half_width_arcsec: float) -> float:
+    """Mean number of sources that `draw` gives on an image of this half width."""
+    limits_cgs = np.array([params.flux_min_cgs, params.flux_max_cgs])
+    faint, bright = _counts_of_band(params, band).number_above(limits_cgs)
+    return float(faint - bright) * params.normalisation * _area_deg2(_half_side_arcsec(params, half_width_arcsec))
+
+
+def _half_side_arcsec(params: LogNLogSParams, half_width_arcsec: float) -> float:
+    return half_width_arcsec + params.margin_arcmin * ARCSEC_PER_ARCMIN
+
+
+def _area_deg2(half_arcsec: float) -> float:
+    return (2 * half_arcsec / ARCSEC_PER_DEG) ** 2
 
 
 def poisson_fluxes(

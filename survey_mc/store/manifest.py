@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,7 @@ class Manifest:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._families: dict[Family, dict[tuple[int, int], Record]] = {}
+        self._in_order: dict[Family, tuple[Record, ...]] = {}
         if path.exists():
             self._read()
 
@@ -62,7 +64,16 @@ class Manifest:
 
         A part that lies inside a larger file is left out: a run that was killed while it packed parts leaves both.
         """
-        return tuple(record for record, inside in self._nested(family) if not inside)
+        if family not in self._in_order:
+            self._in_order[family] = tuple(record for record, inside in self._nested(family) if not inside)
+        return self._in_order[family]
+
+    def covering(self, family: Family, start: int, stop: int) -> tuple[Record, ...]:
+        """Files of a family that overlap realisations start … stop − 1, in order."""
+        records = self.records(family)
+        first = bisect_right(records, start, key=lambda record: record.piece.stop)
+        last = bisect_left(records, stop, key=lambda record: record.piece.start)
+        return records[first:last]
 
     def superseded(self) -> tuple[Piece, ...]:
         """Parts that lie inside a larger file and only wait to be dropped."""
@@ -94,13 +105,16 @@ class Manifest:
         if gone:
             self._append("".join(json.dumps({"drop": piece.path}) + "\n" for piece in gone))
             for piece in gone:
-                self._families.get(piece.family, {}).pop((piece.start, piece.stop), None)
+                self._forget(piece)
 
     def compact(self) -> None:
         """Rewrite the manifest sorted and without dropped lines: equal stores have equal manifests."""
+        content = "".join(record.line() for record in self).encode()
+        if self.path.exists() and self.path.read_bytes() == content:
+            return
         temporary = self.path.with_suffix(".tmp")
-        with temporary.open("w", encoding="utf-8") as handle:
-            handle.writelines(record.line() for record in self)
+        with temporary.open("wb") as handle:
+            handle.write(content)
             handle.flush()
             os.fsync(handle.fileno())
         temporary.replace(self.path)
@@ -120,18 +134,25 @@ class Manifest:
 
     def _keep(self, record: Record) -> None:
         self._families.setdefault(record.piece.family, {})[(record.piece.start, record.piece.stop)] = record
+        self._in_order.pop(record.piece.family, None)
+
+    def _forget(self, piece: Piece) -> None:
+        self._families.get(piece.family, {}).pop((piece.start, piece.stop), None)
+        self._in_order.pop(piece.family, None)
 
     def _read(self) -> None:
-        lines = self.path.read_bytes().decode("utf-8", errors="replace").splitlines()
+        *lines, last = self.path.read_bytes().decode("utf-8", errors="replace").split("\n")
         unreadable: list[int] = []
         for number, line in enumerate(lines, start=1):
             try:
                 self._read_line(line)
             except (ValueError, KeyError, TypeError):
                 unreadable.append(number)
-        # A torn line is one that a crash cut short; more than that is damage that someone has to look at.
+        # A last line without its end is one that a crash cut short; any other is damage that someone has to look at.
+        self.is_torn = bool(last)
         self.unreadable_lines = tuple(unreadable)
 
+    is_torn: bool = False
     unreadable_lines: tuple[int, ...] = ()
 
     def _read_line(self, line: str) -> None:
@@ -142,7 +163,7 @@ class Manifest:
         if piece is None:
             raise DamagedStore(f"{self.path}: names a file outside the store: {line[:120]!r}")
         if "drop" in content:
-            self._families.get(piece.family, {}).pop((piece.start, piece.stop), None)
+            self._forget(piece)
             return
         self._keep(
             Record(

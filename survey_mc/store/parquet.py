@@ -71,8 +71,8 @@ def _arrow_table(table: Table, frame: DataFrame) -> pa.Table:
 
 
 def _write(path: Path | pa.NativeFile, data: pa.Table) -> None:
-    # Split into byte streams, measured numbers pack 10 % smaller at the lowest level than otherwise at level 3, twice as
-    # fast.
+    # Split into byte streams, measured numbers pack 10 % smaller at the lowest level than otherwise at level 3, and
+    # twice as fast.
     pq.write_table(
         data,
         path,

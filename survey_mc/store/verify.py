@@ -1,7 +1,8 @@
 """Is every file of a run what the manifest says it is?
 
 Idea     SHA-256 sees every flipped bit; on top, the file must open, carry its declared schema and have its rows. Files
-         in the store that no manifest line names are reported too.
+         in the store that no manifest line names are reported too: as left over by a killed run (no reader looks at
+         them, and the next run removes them) when they have a name that the store gives.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from survey_mc.store.layout import Piece, RunLayout
 from survey_mc.store.manifest import Manifest, Record
 from survey_mc.store.parquet import file_sha256
 
-Kind = Literal["missing", "changed", "unreadable", "schema", "rows", "extra", "manifest"]
+Kind = Literal["missing", "changed", "unreadable", "schema", "rows", "extra", "manifest", "leftover", "campaign"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,8 @@ def verify_store(
     layout: RunLayout, manifest: Manifest, on_file: Callable[[str], None] = lambda path: None
 ) -> Iterator[Damage]:
     """Check every file of the manifest and name every file that is not in it. on_file is called before each file."""
+    if not layout.manifest.is_file():
+        yield Damage("manifest", layout.manifest.name, "is missing")
     for number in manifest.unreadable_lines:
         yield Damage("manifest", layout.manifest.name, f"line {number} cannot be read")
     known = set()
@@ -48,7 +51,8 @@ def verify_store(
             yield damage
     for path in layout.piece_files():
         if path not in known:
-            yield Damage("extra", path, "is not in the manifest")
+            kind: Kind = "extra" if Piece.from_path(path) is None else "leftover"
+            yield Damage(kind, path, "is not in the manifest")
 
 
 def _check_record(layout: RunLayout, record: Record) -> Damage | None:

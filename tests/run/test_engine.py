@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -145,3 +146,29 @@ def test_a_torn_manifest_line_is_made_good(tmp_path: Path) -> None:
     assert len(Manifest(manifest)) == len(before) - 2
 
     assert run_serial(small(), root) == before
+
+
+def test_a_killed_worker_costs_nothing(tmp_path: Path, reference: dict[str, str]) -> None:
+    root, text = tmp_path / "run", tmp_path / "small.toml"
+    text.write_text(TEXT + MR1)
+    command = [sys.executable, "-c", "from survey_mc.cli import main; main()", "run", str(text), "--workers", "1"]
+    command += ["--out", str(root), "--block", "1", "--no-report"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while _lines(root / "manifest.jsonl") < 8:
+        time.sleep(0.01)
+        assert process.poll() is None
+    entries = [json.loads(line) for path in (root / "runs").iterdir() for line in path.read_text().splitlines()]
+    os.kill(next(entry["pid"] for entry in entries if entry["event"] == "task"), signal.SIGKILL)
+
+    assert process.wait(timeout=120) == 0
+    assert data_files(root) == reference
+
+
+def test_a_run_killed_before_it_tidied_up_is_tidied_up(tmp_path: Path, reference: dict[str, str]) -> None:
+    root = tmp_path / "run"
+    run_serial(small(extra=MR1), root)
+    lines = (root / "manifest.jsonl").read_text().splitlines(keepends=True)
+    (root / "manifest.jsonl").write_text("".join(reversed(lines)))
+
+    assert run_campaign(small(extra=MR1), root, SERIAL).fields == 0
+    assert data_files(root) == reference

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,3 +94,37 @@ def test_a_skip_is_neither_a_failure_nor_a_result(tmp_path: Path, monkeypatch: p
     assert done.complete
     assert run_status(tmp_path / "run").skips == {"needs a new moon": 6}
     assert open_run(tmp_path / "run").detections().empty
+
+
+def test_a_method_that_leaves_the_program_is_a_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def leave(*_: object) -> DataFrame:
+        raise SystemExit(0)
+
+    monkeypatch.setitem(DETECTORS._entries, "gauss_se", replace(DETECTORS["gauss_se"], detect=leave))
+
+    assert run_campaign(small(), tmp_path / "run", SERIAL).failed == 6
+
+
+def test_a_field_that_cannot_be_drawn_is_left_alone_until_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise ArithmeticError("no such sky")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("survey_mc.run.task.draw_field", broken)
+        assert run_campaign(small(), tmp_path / "run", SERIAL).failed == 6
+    assert run_status(tmp_path / "run").n_failed == 6
+    assert run_campaign(small(), tmp_path / "run", SERIAL).fields == 0
+    assert run_campaign(small(), tmp_path / "run", SERIAL, retry_failed=True).complete
+    assert run_status(tmp_path / "run").n_failed == 0
+
+
+def test_a_replay_command_is_safe_to_paste(tmp_path: Path, sick: _Sick) -> None:
+    run_campaign(small(('"G"', '"$(touch x)"')), tmp_path / "a run", SERIAL)
+    command = run_status(tmp_path / "a run").failures[0]["replay"]
+
+    words = shlex.split(command)
+    assert words[2] == str(tmp_path / "a run")
+    assert words[-1] == "$(touch x)"
+    assert "'$(touch x)'" in command

@@ -108,7 +108,10 @@ def test_deleted_extra_and_swapped_files_are_found(layout: RunLayout) -> None:
     first = layout.root / store_one(layout, 0, 4).piece.path
     second = layout.root / store_one(layout, 4, 8, links(60)).piece.path
     (first.parent / "0000008-0000012.parquet").write_bytes(first.read_bytes())
-    assert damages(layout) == ["extra"]
+    assert damages(layout) == ["leftover"]
+    (first.parent / "mine.txt").write_text("")
+    assert damages(layout) == ["leftover", "extra"]
+    (first.parent / "mine.txt").unlink()
     (first.parent / "0000008-0000012.parquet").unlink()
 
     content = first.read_bytes()
