@@ -1,10 +1,12 @@
 """Whose photons a detection rests on.
 
 Idea     the photons inside a circle around each detection, counted by the source they came from. Photons are stored
-         by pixel, so a circle is a few runs of consecutive photons; each is then tested at its exact position.
+         by pixel, so a circle is a few runs of consecutive photons; each is then tested at its exact position. The
+         photons of a ring around the circle, of the same area, say how many of a source's only pass by.
 Source   Liu et al. 2022, A&A 661, A27: identification by the origin of each photon.
 Limits   circles only; the radius is max(origin radius, r50), never more than `aperture_max_arcsec`. A circle is cut
-         at the image edge. The background expected inside uses 5 × 5 points in the pixels the circle crosses.
+         at the image edge, and so is its ring. The background expected inside uses 5 × 5 points in the pixels the
+         circle crosses.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from survey_mc.match.params import MatchParams
 from survey_mc.types import Field, FloatArray
 
 SUBPIXELS = 5
+RING_REACH = np.sqrt(2.0)  # outer radius of the ring of equal area, in radii of the circle
 HALF_DIAGONAL_PIX = np.sqrt(0.5)
 
 
@@ -26,13 +29,15 @@ HALF_DIAGONAL_PIX = np.sqrt(0.5)
 class Shares:
     """Photons of each source in each aperture: one entry for each (detection, source) pair that shares any.
 
-    detection, source: row of the detection, source_id. n_photons: photons shared. n_background and
-    background_expected: (n_detections,) background photons in each aperture, drawn and expected.
+    detection, source: row of the detection, source_id. n_photons: photons shared. n_around: the source's photons in
+    a ring of equal area around the aperture. n_background and background_expected: (n_detections,) background photons
+    in each aperture, drawn and expected.
     """
 
     detection: NDArray[np.int64]
     source: NDArray[np.int64]
     n_photons: NDArray[np.int64]
+    n_around: NDArray[np.int64]
     n_background: NDArray[np.int64]
     background_expected: FloatArray
 
@@ -57,7 +62,7 @@ def photon_shares(field: Field, x_pix: FloatArray, y_pix: FloatArray, radius_arc
         x_pix, y_pix, radius_pix, photons_pix, field.origin, field.pixel_start, shape, len(field.truth)
     )
     expected = _sum_in_circles(x_pix, y_pix, radius_pix, field.background_expected)
-    return Shares(pairs[:, 0], pairs[:, 1], pairs[:, 2], n_background, expected)
+    return Shares(pairs[:, 0], pairs[:, 1], pairs[:, 2], pairs[:, 3], n_background, expected)
 
 
 def _pixel_centres(pixel_start: NDArray[np.int64], shape: tuple[int, ...]) -> FloatArray:
@@ -77,45 +82,51 @@ def _span(centre: float, radius: float, size: int) -> tuple[int, int]:
 
 @njit(cache=True)
 def _count_by_origin(x_pix, y_pix, radius_pix, photons_pix, origin, pixel_start, shape, n_sources):  # type: ignore[no-untyped-def]
-    """Rows (detection, source, photons), and the background photons of each detection."""
+    """Rows (detection, source, photons, photons around), and the background photons of each detection."""
     n_detections = x_pix.shape[0]
     n_background = np.zeros(n_detections, np.int64)
-    pairs = np.empty((4 * n_detections + 16, 3), np.int64)
+    pairs = np.empty((4 * n_detections + 16, 4), np.int64)
     n_pairs = 0
-    tally = np.zeros(n_sources, np.int64)
+    tally = np.zeros((n_sources, 2), np.int64)  # inside, around
     touched = np.empty(n_sources, np.int64)
     for d in range(n_detections):
         n_touched = 0
         radius2 = radius_pix[d] ** 2
-        x_first, x_stop = _span(x_pix[d], radius_pix[d], shape[1])
-        y_first, y_stop = _span(y_pix[d], radius_pix[d], shape[0])
+        reach = RING_REACH * radius_pix[d]
+        x_first, x_stop = _span(x_pix[d], reach, shape[1])
+        y_first, y_stop = _span(y_pix[d], reach, shape[0])
         if x_first >= x_stop:
             continue
         for y in range(y_first, y_stop):
             for k in range(pixel_start[y * shape[1] + x_first], pixel_start[y * shape[1] + x_stop]):
                 dx = photons_pix[k, 0] - x_pix[d]
                 dy = photons_pix[k, 1] - y_pix[d]
-                if dx * dx + dy * dy > radius2:
+                distance2 = dx * dx + dy * dy
+                if distance2 > RING_REACH * RING_REACH * radius2:
                     continue
-                source = origin[k]
+                source, is_around = origin[k], int(distance2 > radius2)
                 if source < 0:
-                    n_background[d] += 1
+                    n_background[d] += 1 - is_around
                     continue
-                if tally[source] == 0:
+                if tally[source, 0] + tally[source, 1] == 0:
                     touched[n_touched] = source
                     n_touched += 1
-                tally[source] += 1
+                tally[source, is_around] += 1
         if n_pairs + n_touched > pairs.shape[0]:
-            larger = np.empty((2 * (n_pairs + n_touched), 3), np.int64)
-            larger[:n_pairs] = pairs[:n_pairs]
+            larger = np.empty((2 * (n_pairs + n_touched), 4), np.int64)
+            for row in range(n_pairs):  # assigning slices would take seconds to compile
+                for column in range(4):
+                    larger[row, column] = pairs[row, column]
             pairs = larger
         for t in range(n_touched):
             source = touched[t]
-            pairs[n_pairs, 0] = d
-            pairs[n_pairs, 1] = source
-            pairs[n_pairs, 2] = tally[source]
-            n_pairs += 1
-            tally[source] = 0
+            if tally[source, 0] > 0:
+                pairs[n_pairs, 0] = d
+                pairs[n_pairs, 1] = source
+                pairs[n_pairs, 2] = tally[source, 0]
+                pairs[n_pairs, 3] = tally[source, 1]
+                n_pairs += 1
+            tally[source, 0] = tally[source, 1] = 0
     return pairs[:n_pairs], n_background
 
 

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-MATCH_VERSION = 1  # part of the key of every result; raised when an answer changes
+MATCH_VERSION = 2  # part of the key of every result; raised when an answer changes
 
 RuleName = Literal["nearest", "origin"]
 Assignment = Literal["nearest_from_detection", "mutual", "one_to_one"]

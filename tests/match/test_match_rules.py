@@ -173,3 +173,46 @@ def test_limit_applies_to_the_chosen_counts():
     by_expected = outcome(truth, detections, "nearest")
     by_onaxis = outcome(truth, detections, "nearest", MatchParams(counts_min_on="counts_onaxis"))
     assert (by_expected[0][0], by_onaxis[0][0]) == ("faint", "matched")
+
+
+def disc(source_id, radius_pix, n_photons, x_pix=31.5, y_pix=31.5):
+    """Photons spread evenly over a disc: what a cluster looks like from inside."""
+    r, angle = radius_pix * np.sqrt((np.arange(n_photons) + 0.5) / n_photons), 2.399963 * np.arange(n_photons)
+    return [(x_pix + a * np.cos(b), y_pix + a * np.sin(b), source_id) for a, b in zip(r, angle, strict=True)]
+
+
+def test_source_seen_through_a_cluster_is_matched_and_not_a_second_detection_of_the_cluster():
+    truth = truth_frame([31.5, 41.5], [31.5, 31.5], [4000, 30], kind=["extended", "point"])
+    photons = disc(0, 25.0, 4000) + disc(1, 1.0, 30, 41.5)
+    detections = detection_frame([31.5, 41.5], [31.5, 31.5], [100.0, 10.0])
+    matches = match_field(field_of(truth, photons), detections, MatchParams(), 10.0).matches.query("rule == 'origin'")
+    assert list(zip(matches["status"], matches["source_id"], strict=True)) == [("matched", 0), ("matched", 1)]
+    assert matches["n_main"].iloc[1] == 30
+    assert matches["n_second"].iloc[1] > 30  # the cluster still shines through
+
+
+def test_fragment_of_a_cluster_is_a_duplicate_by_origin():
+    truth = truth_frame([31.5], [31.5], [4000], kind="extended")
+    detections = detection_frame([31.5, 41.5], [31.5, 31.5], [100.0, 10.0])
+    assert outcome(truth, detections, "origin", photons=disc(0, 25.0, 4000)) == [("matched", 0, 0), ("duplicate", 1, 0)]
+
+
+def test_fragment_beside_a_few_photons_of_another_source_stays_with_the_cluster():
+    truth = truth_frame([31.5, 42.0], [31.5, 31.5], [4000, 3], kind=["extended", "point"])
+    photons = disc(0, 25.0, 4000) + [(42.0, 31.5, 1)] * 3
+    detections = detection_frame([31.5, 41.5], [31.5, 31.5], [100.0, 10.0])
+    assert outcome(truth, detections, "origin", photons=photons)[1] == ("duplicate", 1, 0)
+
+
+def test_source_in_the_wing_of_a_brighter_one_keeps_its_detection():
+    truth = truth_frame([31.5, 40.0], [31.5, 31.5], [5000, 40])
+    photons = [(31.5 + r * np.cos(a), 31.5 + r * np.sin(a), 0) for r, a in zip(np.geomspace(0.3, 30, 3000),
+               2.399963 * np.arange(3000), strict=True)] + disc(1, 1.0, 40, 40.0)  # fmt: skip
+    assert outcome(truth, detection_frame([40.0], [31.5]), "origin", photons=photons)[0] == ("matched", 0, 1)
+
+
+def test_defaults_are_the_papers_and_the_documented_ones():
+    params = MatchParams()
+    assert (params.rule, params.radius_arcsec, params.region_arcmin, params.counts_min) == ("nearest", 6.0, 10.0, 10.0)
+    assert (params.origin_radius_arcsec, params.aperture_max_arcsec) == (15.0, 120.0)
+    assert (params.origin_counts_min, params.origin_chance_max, params.blend_fraction) == (3, 0.02, 1 / 3)
