@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from survey_mc.types import BoolArray, FloatArray, FloatImage, IntArray, IntImage
 
@@ -104,20 +105,22 @@ def _transmission(x: float, y: float, vignetting: FloatArray, valid_arcmin: floa
 
 @njit(cache=True)
 def source_directions(
-    rng: np.random.Generator, sources: FloatArray, vignetting: FloatArray, valid_arcmin: float, fov_arcmin: float
+    rng: np.random.Generator,
+    sources: FloatArray,
+    n_photons: NDArray[np.int64],
+    vignetting: FloatArray,
+    valid_arcmin: float,
+    fov_arcmin: float,
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Sky directions x, y (arcsec) of the observed photons of point and β-model sources, and the source's number.
 
-    sources: (n, 5) x, y (arcsec), on-axis counts, core radius (arcsec, 0 for a point), 1/(3β − 1.5).
+    sources: (n, 5) x, y (arcsec), on-axis counts, core radius (arcsec, 0 for a point), 1/(3β − 1.5). n_photons: (n,)
+    photons of each source; those of a point are already thinned by its transmission, those of a β-model are not.
     """
-    n_photons = np.zeros(sources.shape[0], np.int64)
+    total = 0
     for i in range(sources.shape[0]):
-        mean = sources[i, 2]
-        if sources[i, 3] == 0.0:  # thinning a Poisson number is a Poisson number of the smaller mean
-            mean *= _transmission(sources[i, 0], sources[i, 1], vignetting, valid_arcmin, fov_arcmin)
-        if mean > 0.0:
-            n_photons[i] = rng.poisson(mean)
-    x_arcsec = np.empty(n_photons.sum())
+        total += n_photons[i]
+    x_arcsec = np.empty(total)
     y_arcsec = np.empty(x_arcsec.size)
     number = np.empty(x_arcsec.size, np.int32)
     n = 0

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from survey_mc.telescope import _draw
 from survey_mc.telescope.beta_model import profile_directions
 from survey_mc.telescope.response import Response
-from survey_mc.telescope.vignetting import VALID_ARCMIN
+from survey_mc.telescope.vignetting import VALID_ARCMIN, held_vignetting
 from survey_mc.types import Field, FloatArray, IntArray, Observation, Sky, SkyImage
 from survey_mc.units import ARCSEC_PER_ARCMIN, flux_from_rate
 
@@ -50,7 +50,8 @@ def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
     sources = _sources(column, response.exposure_s)
     n_sources = len(sources)
     photon_rng = rng("photons")
-    x_arcsec, y_arcsec, number = _draw.source_directions(photon_rng, sources, *_losses(response))
+    n_photons = photon_rng.poisson(_photons_expected(sources, response))
+    x_arcsec, y_arcsec, number = _draw.source_directions(photon_rng, sources, n_photons, *_losses(response))
     parts = [_scattered(photon_rng, x_arcsec, y_arcsec, number, response)]
     if sky.images:
         image_rng = rng("sky_image")
@@ -97,6 +98,17 @@ def _arrivals(rng: np.random.Generator, total: float) -> tuple[FloatArray, Float
 def _losses(response: Response) -> tuple[FloatArray, float, float]:
     """What decides which sky directions are observed: vignetting, where it is known to, radius of the field of view."""
     return np.array(response.vignetting), VALID_ARCMIN, response.field_of_view_arcmin
+
+
+def _photons_expected(sources: FloatArray, response: Response) -> FloatArray:
+    """(n,) mean number of photons to draw: thinned for a point, whose photons share one transmission; else on axis.
+
+    Sources beyond the edge of the image count: the wings of their PSF reach into it.
+    """
+    offaxis_arcmin = np.hypot(sources[:, 0], sources[:, 1]) / ARCSEC_PER_ARCMIN
+    seen = np.where(offaxis_arcmin <= response.field_of_view_arcmin, 1.0, 0.0)
+    seen *= held_vignetting(offaxis_arcmin, response.vignetting)
+    return np.asarray(sources[:, 2] * np.where(sources[:, 3] > 0.0, 1.0, seen))
 
 
 def _scattered(
