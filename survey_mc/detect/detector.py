@@ -33,7 +33,8 @@ class Detector:
     version: part of the key of every result; raise it when answers change. detect(obs, params, rng) returns a frame
     with the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing
     was found, or a `Skip`. view(obs, params): the filtered image the procedure searches, for reports. profiles: named
-    sets of parameters ("paper", "modern"). tiny: parameters for quick contract tests.
+    sets of parameters ("paper", "modern"). tiny: parameters for quick contract tests. flag_bits: meaning of each bit of
+    the column `flags`.
     """
 
     name: str
@@ -47,3 +48,4 @@ class Detector:
     extra_columns: tuple[Column, ...] = ()
     view: Callable[[Observation, Any], FloatImage] | None = None
     profiles: Mapping[str, DetectorParams] = field(default_factory=dict)
+    flag_bits: Mapping[int, str] = field(default_factory=dict)

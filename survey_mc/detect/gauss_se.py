@@ -28,7 +28,7 @@ from survey_mc.detect._catalogue import (
 )
 from survey_mc.detect._exact_threshold import excess_threshold_map
 from survey_mc.detect._poisson_background import LEAST_BACKGROUND_PER_PIX, clipped_mean_background
-from survey_mc.detect._sep_chain import SepParams, mesh_background
+from survey_mc.detect._sep_chain import FLAG_BITS, SepParams, mesh_background
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
@@ -171,4 +171,5 @@ DETECTOR = Detector(
     extra_columns=SEP_COLUMNS,
     view=filtered_image,
     profiles={"paper": PAPER, "paper_clusters": CLUSTERS, "modern": MODERN},
+    flag_bits=FLAG_BITS,
 )

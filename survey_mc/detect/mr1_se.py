@@ -1,4 +1,4 @@
-"""MR1+SE: MR/1 multiresolution iterative filtering with the few-event Poisson model, then SExtractor's chain.
+"""MR/1+SE: MR/1 multiresolution iterative filtering with the few-event Poisson model, then SExtractor's chain.
 
 Idea     the filter leaves only what is significant, on a smooth sky; SExtractor then finds, splits and measures it.
 Source   paper Sect. 3.4 (ε = 1e-4, 6 scales, 25 iterations or error < 1e-5); Starck & Pierre 1998; Bertin & Arnouts
@@ -26,7 +26,7 @@ from survey_mc.detect._catalogue import (
     observed_pixels,
 )
 from survey_mc.detect._mr1_params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
-from survey_mc.detect._sep_chain import Float32Image, SepParams, mesh_background
+from survey_mc.detect._sep_chain import FLAG_BITS, Float32Image, SepParams, mesh_background
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
@@ -34,7 +34,7 @@ FILL_FWHM_ARCSEC = 20.0  # smoothing before the background of the fill is estima
 
 
 class Mr1SeParams(Mr1Params, SepParams):
-    """Parameters of MR1+SE: the filter's, the extraction's, and the threshold between them."""
+    """Parameters of MR/1+SE: the filter's, the extraction's, and the threshold between them."""
 
     threshold_sqrt_background: float = Field(
         0.5, gt=0.0, description="threshold above the background of the filtered image (units of √(counts per pixel))"
@@ -105,7 +105,7 @@ def search_image(observation: Observation, params: Mr1SeParams, observed: BoolAr
 
 
 def detect(observation: Observation, params: Mr1SeParams, rng: np.random.Generator) -> pd.DataFrame:
-    """Detections of MR1+SE; deterministic, the generator is not used."""
+    """Detections of MR/1+SE; deterministic, the generator is not used."""
     check_scales(params, observation.counts.shape)
     observed = observed_pixels(observation)
     if not observed.any() or not observation.counts[observed].any():
@@ -119,7 +119,7 @@ MODERN = Mr1SeParams(measure_on="raw")
 
 DETECTOR = Detector(
     name="mr1_se",
-    label="MR1+SE",
+    label="MR/1+SE",
     version=1,
     about="MR/1 wavelet filtering with the few-event Poisson model, then SExtractor's extraction and Kron photometry",
     reference="Valtchanov, Pierre & Gastaud 2001, Sect. 3.4; Starck & Pierre 1998; Bertin & Arnouts 1996",
@@ -129,4 +129,5 @@ DETECTOR = Detector(
     extra_columns=SEP_COLUMNS,
     view=filtered_image,
     profiles={"paper": PAPER, "modern": MODERN},
+    flag_bits=FLAG_BITS,
 )

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 RULES = ("nearest", "origin")
+KINDS = ("all", "point", "extended")
 HEADLINE_LEVEL = 0.9
 TRUTH_COLUMNS = ("offaxis_arcmin", "flux_cgs")
 MATCH_COLUMNS = (
@@ -48,25 +49,51 @@ def input_counts(source: RunSource, cell: CellLike) -> InputCounts:
     return InputCounts(numbers.n_input, source.realisations_done("truth", cell.label))
 
 
+class KindSums:
+    """What is found of one kind of true sources, and how well it is measured."""
+
+    def __init__(self, cell: CellLike) -> None:
+        self.completeness = {
+            bins.quantity: CompletenessCounts(bins, cell.realisations) for bins in (FLUX_BINS, COUNTS_BINS)
+        }
+        self.photometry = Photometry()
+        self.astrometry = Astrometry()
+
+    def add(self, matches: DataFrame) -> None:
+        """Add the rows of this kind."""
+        for completeness in self.completeness.values():
+            completeness.add(matches)
+        self.photometry.add(matches)
+        self.astrometry.add(matches)
+
+    @property
+    def is_empty(self) -> bool:
+        return not any(counts.n_true.any() for counts in self.completeness.values())
+
+
 class RuleSums:
     """All sums of one cell, method and rule."""
 
     def __init__(self, cell: CellLike, rule: str) -> None:
         self.rule = rule
-        self.completeness = {
-            bins.quantity: CompletenessCounts(bins, cell.realisations) for bins in (FLUX_BINS, COUNTS_BINS)
-        }
+        self.by_kind = {kind: KindSums(cell) for kind in KINDS}
         self.counts = NumberCounts(cell.region_arcmin)
         self.statuses = StatusCounts()
-        self.photometry = Photometry()
-        self.astrometry = Astrometry()
 
     def add(self, matches: DataFrame) -> None:
         """Add the rows of this rule."""
-        for completeness in self.completeness.values():
-            completeness.add(matches)
-        for sums in (self.counts, self.statuses, self.photometry, self.astrometry):
-            sums.add(matches)
+        self.counts.add(matches)
+        self.statuses.add(matches)
+        self.by_kind["all"].add(matches)
+        kind_true = matches["kind_true"].to_numpy(object)
+        for kind in KINDS[1:]:
+            rows = matches[kind_true == kind]
+            if len(rows):
+                self.by_kind[kind].add(rows)
+
+    def kinds(self) -> tuple[str, ...]:
+        """All kinds where there are points and extended sources, else "all", which is then the one there is."""
+        return KINDS[:1] if any(self.by_kind[kind].is_empty for kind in KINDS[1:]) else KINDS
 
 
 def method_tables(source: RunSource, cell: CellLike, method: MethodLike, inputs: InputCounts) -> Rows:
@@ -93,6 +120,24 @@ def _rule_tables(cell: CellLike, sums: RuleSums, n_fields: int, inputs: InputCou
     import pandas as pd
 
     area_deg2 = deg2_of_circle(cell.region_arcmin)
+    sums.counts.n_input[:] = inputs.n_input
+    areas_deg2 = (area_deg2 * n_fields, area_deg2 * inputs.n_fields)
+    rows: dict[str, list[DataFrame]] = {}
+    for kind in sums.kinds():
+        for name, frame in _kind_tables(cell, sums.by_kind[kind]).items():
+            rows.setdefault(name, []).append(frame.assign(kind=kind))
+    return {name: pd.concat(frames, ignore_index=True) for name, frames in rows.items()} | {
+        "counts_differential": sums.counts.differential(*areas_deg2),
+        "counts_integral": sums.counts.integral(*areas_deg2),
+        "false_detections": pd.DataFrame([sums.statuses.false_row(n_fields, area_deg2 * n_fields)]),
+        "status_counts": sums.statuses.table(n_fields),
+    }
+
+
+def _kind_tables(cell: CellLike, sums: KindSums) -> Rows:
+    """The tables that have rows for every kind of source."""
+    import pandas as pd
+
     curves, limits, flux_limit_cgs = [], [], float("nan")
     for quantity, counts in sums.completeness.items():
         curves.append(counts.table(_resampling(cell, quantity)).assign(quantity=quantity))
@@ -103,15 +148,9 @@ def _rule_tables(cell: CellLike, sums: RuleSums, n_fields: int, inputs: InputCou
             limits.append((quantity, *values))
             if quantity == FLUX_BINS.quantity and limit.level == HEADLINE_LEVEL:
                 flux_limit_cgs = limit.value
-    sums.counts.n_input[:] = inputs.n_input
-    areas_deg2 = (area_deg2 * n_fields, area_deg2 * inputs.n_fields)
     return {
         "completeness": pd.concat(curves, ignore_index=True),
         "completeness_limit": pd.DataFrame(limits, columns=["quantity", "level", "limit", "lower", "upper", "state"]),
-        "counts_differential": sums.counts.differential(*areas_deg2),
-        "counts_integral": sums.counts.integral(*areas_deg2),
-        "false_detections": pd.DataFrame([sums.statuses.false_row(n_fields, area_deg2 * n_fields)]),
-        "status_counts": sums.statuses.table(n_fields),
         "photometry": sums.photometry.table(flux_limit_cgs),
         "astrometry": sums.astrometry.table(flux_limit_cgs),
     }

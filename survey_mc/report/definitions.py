@@ -14,9 +14,10 @@ DEFINITIONS = (
     ),
     (
         "matched, origin rule",
-        "A detection belongs to the source that gave most of the photons around it, if these stand out of the "
-        "background. Of several detections on one source the one with most of its photons keeps it. No search "
-        "radius is involved.",
+        "A detection belongs to the source whose photons peak there: the largest excess inside its aperture over a "
+        "ring of equal area, or the most photons where no excess is above its noise. They must stand out of the "
+        "background. Of several detections on one source the one with most of its photons keeps it. No search radius "
+        "is involved.",
     ),
     (
         "missed",

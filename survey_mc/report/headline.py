@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 LEVEL = 0.9
 ENOUGH_FIELDS = 10  # fewer say nothing about the variance between fields
 DESIGN_EFFECT_MAX = 1.3
+EXTENDED = ("extended found", "of those listed")
 BRIGHT, EVERY = NAMED[1], NAMED[0]  # more than 50 input counts; all, where none is that bright
 FALSE_KINDS = ("false", "spurious")
 COLUMNS = (
     ("method", ""),
     ("fields", ""),
+    EXTENDED,
     ("90 % limit", "erg cm⁻² s⁻¹"),
     ("90 % limit", "expected counts"),
     ("false", "per field"),
@@ -32,21 +34,23 @@ COLUMNS = (
 
 
 def headline_table(source: RunSource, tables: Mapping[str, DataFrame]) -> Html:
-    """Every method in every cell, by the campaign's headline rule."""
+    """Every method in every cell, by the campaign's headline rule; without extended sources no column for them."""
+    has_extended = bool((tables["completeness"]["kind"] == "extended").any())
+    columns = [c for c in COLUMNS if has_extended or c != EXTENDED]
     titles = [
-        tag("th", name, join([tag("br"), tag("small", unit)]) if unit else "", scope="col") for name, unit in COLUMNS
+        tag("th", name, join([tag("br"), tag("small", unit)]) if unit else "", scope="col") for name, unit in columns
     ]
-    bodies = [_cell_rows(source, tables, cell) for cell in source.cells]
+    bodies = [_cell_rows(source, tables, cell, has_extended) for cell in source.cells]
     return tag("div", tag("table", tag("thead", tag("tr", *titles)), *bodies, class_="headline"), class_="wide")
 
 
-def _cell_rows(source: RunSource, tables: Mapping[str, DataFrame], cell: CellLike) -> Html:
-    title = tag("th", cell_phrase(cell), colspan=str(len(COLUMNS)), scope="rowgroup")
+def _cell_rows(source: RunSource, tables: Mapping[str, DataFrame], cell: CellLike, has_extended: bool) -> Html:
+    title = tag("th", cell_phrase(cell), colspan=str(len(COLUMNS) - (not has_extended)), scope="rowgroup")
     rows = [
         tag(
             "tr",
             tag("th", method.label, scope="row"),
-            *(tag("td", value) for value in _values(tables, cell, method.label)),
+            *(tag("td", value) for value in _values(tables, cell, method.label, has_extended)),
         )
         for method in source.methods
     ]
@@ -68,8 +72,8 @@ def rule_phrase(cell: CellLike) -> str:
     return "matched by the origin of the photons"
 
 
-def _values(tables: Mapping[str, DataFrame], cell: CellLike, label: str) -> list[Html]:
-    """The values of a row after its label."""
+def _values(tables: Mapping[str, DataFrame], cell: CellLike, label: str, has_extended: bool) -> list[Html]:
+    """The values of a row after its label; of point sources, where the cell has both kinds."""
 
     def rows(name: str, **where: object) -> DataFrame:
         frame = tables[name]
@@ -79,13 +83,15 @@ def _values(tables: Mapping[str, DataFrame], cell: CellLike, label: str) -> list
 
     false = _first(rows("false_detections"))
     if false is None:
-        return [text("none done"), *[text(DASH)] * (len(COLUMNS) - 2)]
-    flux = _first(rows("completeness_limit", level=LEVEL, quantity="flux_true_cgs"))
-    counts = _first(rows("completeness_limit", level=LEVEL, quantity="counts_expected"))
-    ratio = _bright(rows("photometry", ratio="flux / flux_true"))
-    position = _bright(rows("astrometry"))
+        return [text("none done"), *[text(DASH)] * (len(COLUMNS) - 2 - (not has_extended))]
+    kind = "point" if len(rows("completeness", kind="point")) else "all"
+    flux = _first(rows("completeness_limit", level=LEVEL, quantity="flux_true_cgs", kind=kind))
+    counts = _first(rows("completeness_limit", level=LEVEL, quantity="counts_expected", kind=kind))
+    ratio = _bright(rows("photometry", ratio="flux / flux_true", kind=kind))
+    position = _bright(rows("astrometry", kind=kind))
     return [
         text(false["n_fields"]),
+        *([_found(rows("status_counts", kind="extended"))] if has_extended else []),
         _limit(flux, power),
         _limit(counts, with_interval),
         *(
@@ -96,6 +102,13 @@ def _values(tables: Mapping[str, DataFrame], cell: CellLike, label: str) -> list
         _cell(position, "one_sigma_arcsec", "one_sigma_lower_arcsec", "one_sigma_upper_arcsec"),
         _cpu(tables["cpu_seconds"], cell, label),
     ]
+
+
+def _found(counts: DataFrame) -> Html:
+    """How many of the extended sources are matched."""
+    n = counts.set_index("status")["n"]
+    found, missed = int(n.get("matched", 0)), int(n.get("missed", 0))
+    return text(f"{found} of {found + missed}" if found + missed else DASH)
 
 
 def _stacked(value: str, interval: str) -> Html:

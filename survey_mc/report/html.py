@@ -91,7 +91,7 @@ def _glance(source: RunSource, tables: Mapping[str, DataFrame]) -> Html:
         "p",
         "The second lines are 68 % intervals, except for the flux ratio, where they hold 68 % of the sources. Flux "
         "ratio and position error are for sources of more than 50 counts on axis (* all matched sources, where none is "
-        "that bright). ",
+        "that bright). Where there are extended sources, limits, ratio and position error are those of the points. ",
         tag("a", "What the words mean.", href="#definitions"),
     )
     return join([notice, headline_table(source, tables), explanation])

@@ -32,12 +32,12 @@ def _field_picture(data: RunData, campaign: Campaign) -> FieldPicture | None:
         if any(frame is None for frame in (*matches.values(), *detections.values())):
             continue
         drawn = draw_field(campaign, expand(campaign)[index], 0)
-        choices = {choice.label: choice for choice in campaign.method}
         views = {}
-        for label in labels:
-            view = DETECTORS[choices[label].name].view
+        # by place: a label of the run is the one it was made with, whatever the default is now
+        for label, choice in zip(labels, campaign.method, strict=True):
+            view = DETECTORS[choice.name].view
             if view is not None:
-                views[label] = view(drawn.observation, choices[label].params)
+                views[label] = view(drawn.observation, choice.params)
         return FieldPicture(
             title=f"{cell.label}, realisation 0",
             observation=drawn.observation,

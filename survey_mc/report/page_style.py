@@ -33,9 +33,9 @@ a { color: var(--accent); }
 table { border-collapse: collapse; width: 100%; font-size: .84rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .42rem .7rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; }
-thead th { font-weight: 600; vertical-align: bottom; background: var(--band); line-height: 1.3; }
+thead th { white-space: normal; font-weight: 600; vertical-align: bottom; background: var(--band); line-height: 1.3; }
 small { font-weight: 400; color: var(--soft); font-size: .82em; }
-table.headline td { line-height: 1.25; padding: .35rem .6rem; }
+table.headline :is(td, th) { line-height: 1.25; padding: .35rem .5rem; }
 tbody th { font-weight: 500; }
 tr.group th { text-align: left; background: var(--band); font-weight: 600; white-space: normal; }
 tbody:last-child tr:last-child > * { border-bottom: 0; }

@@ -15,6 +15,7 @@ EXPOSURE = Column("exposure_ks", "float64", "exposure on axis", "ks", "time.dura
 METHOD = Column("method", "string", "label of the method in the campaign", ucd="meta.id")
 RULE = Column("rule", "string", "matching rule: nearest (position) or origin (photons)")
 N_FIELDS = Column("n_fields", "int64", "fields summed", ucd="meta.number")
+KIND = Column("kind", "string", "true sources: all; point and extended besides, where a cell has both", ucd="src.class")
 IDENTITY = (CELL, BAND, EXPOSURE, METHOD, RULE, N_FIELDS)
 
 
@@ -39,6 +40,7 @@ QUANTITY = Column("quantity", "string", "input quantity binned: flux_true_cgs or
 
 COMPLETENESS = Table("completeness", "Found over true sources in bins of an input quantity", (
     *IDENTITY,
+    KIND,
     QUANTITY,
     _value("lower_edge", "lower edge of the bin, in the unit of the quantity"),
     _value("upper_edge", "upper edge of the bin, in the unit of the quantity"),
@@ -55,6 +57,7 @@ COMPLETENESS = Table("completeness", "Found over true sources in bins of an inpu
 
 COMPLETENESS_LIMIT = Table("completeness_limit", "Where the completeness reaches a level", (
     *IDENTITY,
+    KIND,
     QUANTITY,
     _value("level", "completeness asked for"),
     _value("limit", "flux or counts at which it is reached (isotonic regression, linear in the logarithm); NaN if not"),
@@ -122,6 +125,7 @@ _PART = (
 
 PHOTOMETRY = Table("photometry", "Measured over true counts and fluxes of matched sources", (
     *IDENTITY,
+    KIND,
     Column("ratio", "string", "counts / counts_onaxis, counts / counts_expected or flux / flux_true"),
     *_PART,
     _value("median", "median ratio"),
@@ -136,6 +140,7 @@ PHOTOMETRY = Table("photometry", "Measured over true counts and fluxes of matche
 
 ASTROMETRY = Table("astrometry", "Separations between detections and their sources", (
     *IDENTITY,
+    KIND,
     *_PART,
     *(_value(f"{name}_arcsec", about, "arcsec", "pos.angDistance") for name, about in (
         ("median", "median separation"),

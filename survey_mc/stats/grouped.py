@@ -52,7 +52,7 @@ class GroupedValues:
     def parts(self, flux_limit_cgs: float = float("nan")) -> Iterator[Part]:
         """Occupied bins, occupied named subsets, and all flux bins that lie wholly above a flux limit (if finite)."""
         for group, name in enumerate(NAMED):
-            summary = self.named.summary(np.arange(len(NAMED)) == group)
+            summary = self.named.summary(slice(group, group + 1))
             if summary.n:
                 yield Part(name, float("nan"), float("nan"), summary)
         if np.isfinite(flux_limit_cgs):
@@ -68,4 +68,4 @@ class GroupedValues:
     def _bin_parts(name: str, histograms: Histograms, bins: LogBins) -> Iterator[Part]:
         edges = bins.edges
         for group in np.flatnonzero(histograms.counts[:-1].sum(axis=1)):
-            yield Part(name, edges[group], edges[group + 1], histograms.summary(np.arange(bins.size + 1) == group))
+            yield Part(name, edges[group], edges[group + 1], histograms.summary(slice(group, group + 1)))

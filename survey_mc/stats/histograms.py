@@ -42,10 +42,10 @@ class Histograms:
         self.total += np.bincount(group, weights=values, minlength=self.n_groups)
         self.total_of_squares += np.bincount(group, weights=values**2, minlength=self.n_groups)
 
-    def summary(self, members: NDArray[np.bool_]) -> Summary:
+    def summary(self, members: NDArray[np.bool_] | slice) -> Summary:
         """What is known of the union of some groups."""
         return Summary(
-            self.counts[members].sum(axis=0),
+            np.concatenate(([0], np.cumsum(self.counts[members].sum(axis=0)))),
             float(self.total[members].sum()),
             float(self.total_of_squares[members].sum()),
             self.edges,
@@ -55,9 +55,12 @@ class Histograms:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Sums over one set of values; everything it gives is NaN when there are too few of them."""
+    """Sums over one set of values; everything it gives is NaN when there are too few of them.
 
-    counts: NDArray[np.int64]
+    below: (m + 1,) values below each edge of the histogram.
+    """
+
+    below: NDArray[np.int64]
     total: float
     total_of_squares: float
     edges: FloatArray
@@ -65,7 +68,7 @@ class Summary:
 
     @property
     def n(self) -> int:
-        return int(self.counts.sum())
+        return int(self.below[-1])
 
     @property
     def mean(self) -> float:
@@ -92,13 +95,14 @@ class Summary:
         """Value below which a fraction of the values lies."""
         if not self.n:
             return float("nan")
-        scale = np.log(self.edges) if self.is_log else self.edges
-        below = np.concatenate(([0], np.cumsum(self.counts)))
         wanted = min(max(fraction, 0.0), 1.0) * self.n
-        place = int(np.clip(np.searchsorted(below, wanted, side="left") - 1, 0, len(self.counts) - 1))
-        place = int(np.flatnonzero(self.counts)[0]) if wanted <= 0 else place
-        inside = (wanted - below[place]) / self.counts[place] if self.counts[place] else 0.0
-        value = scale[place] + inside * (scale[place + 1] - scale[place])
+        if wanted > 0.0:
+            place = int(np.searchsorted(self.below, wanted, side="left")) - 1
+        else:  # the lower edge of the first bin with anything
+            place = int(np.searchsorted(self.below, 0, side="right")) - 1
+        inside = (wanted - self.below[place]) / (self.below[place + 1] - self.below[place])
+        first, last = np.log(self.edges[place : place + 2]) if self.is_log else self.edges[place : place + 2]
+        value = first + inside * (last - first)
         return float(np.exp(value) if self.is_log else value)
 
     def quantile_interval(self, fraction: float, confidence: float = ONE_SIGMA) -> tuple[float, float]:

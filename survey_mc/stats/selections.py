@@ -1,7 +1,7 @@
 """The subsets of matched sources for which photometry and astrometry are given.
 
 Idea     bins of true flux, bins of input counts, and a few named subsets that the paper quotes.
-Source   Valtchanov et al. 2001, Sect. 6.2 (more than 100 counts) and 6.3 (above 50 counts), Sect. 7 (extended sources).
+Source   Valtchanov et al. 2001, Sect. 6.2 (more than 100 counts) and 6.3 (above 50 counts).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 BRIGHT_COUNTS = (50.0, 100.0)  # Sect. 6.3 and 6.2
-NAMED = ("all", "counts_onaxis > 50", "counts_onaxis > 100", "point", "extended")
+NAMED = ("all", "counts_onaxis > 50", "counts_onaxis > 100")
 ABOVE_LIMIT = "flux above the 90 % limit"
 
 
@@ -39,6 +39,5 @@ def counts_group(matched: DataFrame) -> NDArray[np.int64]:
 def named_groups(matched: DataFrame) -> tuple[NDArray[np.bool_], ...]:
     """Whether each row belongs to each of `NAMED`."""
     counts = matched["counts_onaxis"].to_numpy(np.float64)
-    kind = matched["kind_true"].to_numpy(object)
     bright = tuple(counts > limit for limit in BRIGHT_COUNTS)
-    return (np.ones(len(matched), dtype=bool), *bright, kind == "point", kind == "extended")
+    return (np.ones(len(matched), dtype=bool), *bright)

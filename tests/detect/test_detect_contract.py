@@ -81,6 +81,18 @@ def test_every_parameter_and_column_is_described(detector):
 
 
 @pytest.mark.parametrize("detector", DETECTORS, ids=DETECTORS.names)
+def test_every_flag_a_procedure_raises_is_documented(detector):
+    rng = np.random.default_rng(15)
+    sources = [(x, y, 400.0) for x, y in rng.uniform(2.0, 125.0, (40, 2))]
+    image = photon_image(rng, 0.178, sources, n_pix=128)
+    raised = np.bitwise_or.reduce(detector.detect(observe(image), detector.tiny, rng)["flags"].to_numpy())
+    known = sum(detector.flag_bits)
+    assert raised != 0
+    assert raised & ~known == 0
+    assert all(bit.bit_count() == 1 and meaning for bit, meaning in detector.flag_bits.items())
+
+
+@pytest.mark.parametrize("detector", DETECTORS, ids=DETECTORS.names)
 def test_profiles_are_parameters_of_the_procedure(detector):
     assert {"paper", "modern"} <= set(detector.profiles)
     assert all(isinstance(p, detector.params) for p in (*detector.profiles.values(), detector.tiny))

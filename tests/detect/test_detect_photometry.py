@@ -52,6 +52,17 @@ def test_kron_aperture_of_a_gaussian_holds_most_of_its_light():
     assert values["r50_pix"][0] == pytest.approx(1.1774 * 2.0, rel=0.05)
 
 
+def test_half_light_radius_is_given_in_arcsec():
+    rng = np.random.default_rng(12)
+    image = photon_image(rng, 0.001, [(256.0, 256.0, 40000.0)])
+    rows = gauss_se.detect(observe(image), gauss_se.GaussSeParams(measure_on="raw"), rng)
+    found = rows.iloc[0]
+    y, x = np.repeat(np.argwhere(image), image[image > 0], axis=0).T + rng.uniform(-0.5, 0.5, (2, image.sum()))
+    distance_arcsec = np.sort(np.hypot(x - found["x_pix"], y - found["y_pix"])) * 4.0
+    # 40000 photons: the radius is known to 0.5 %
+    assert found["r50_arcsec"] == pytest.approx(distance_arcsec[round(0.5 * found["counts"])], rel=0.02)
+
+
 def test_mirrored_neighbours_leave_a_blend_its_own_flux():
     pair = [(52.0, 60.0, 1000.0, 2.0, 2.0), (63.0, 60.0, 200.0, 2.0, 2.0)]
     fluxes = {}

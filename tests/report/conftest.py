@@ -11,6 +11,22 @@ def small_run():
     return FakeRun(cells=(CELLS[0],), methods=METHODS[:2])
 
 
+class MixedRun(FakeRun):
+    """Every seventh source is extended."""
+
+    def frames(self, table, cell_label, method_label="", columns=None):
+        for frame in super().frames(table, cell_label, method_label):
+            if table == "matches":
+                known = frame["kind_true"] == "point"
+                frame.loc[known & (frame["source_id"] % 7 == 0), "kind_true"] = "extended"
+            yield frame if columns is None else frame[list(columns)]
+
+
+@pytest.fixture(scope="session")
+def mixed_run():
+    return MixedRun(cells=(CELLS[0],), methods=METHODS[:2])
+
+
 @pytest.fixture(scope="session")
 def hostile_page(tmp_path_factory):
     """The page of a run whose every text is out to break it."""

@@ -9,6 +9,7 @@ from fake_run import CELLS, METHODS, FakeRun, stub_writer
 from survey_mc.report import build_report
 from survey_mc.report.markup import Html, tag
 from survey_mc.report.numbers import plain, power, with_interval
+from survey_mc.report.tables import build_tables
 
 VOID = {"meta", "img", "br", "hr"}
 
@@ -74,8 +75,24 @@ def test_links_to_tables_point_to_written_files(small_run, tmp_path):
     page = Page(path.read_text(encoding="utf-8"))
     links = [a["href"] for a in page.all("a") if not a["href"].startswith("#")]
     assert len(links) > 10
+    assert "extended found" not in path.read_text(encoding="utf-8")
     assert all((path.parent / link).resolve().is_file() for link in links)
     assert (path.parent / "false_detections.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_point_and_extended_sources_have_figures_and_headline_values_apart(mixed_run, tmp_path):
+    text = build_report(mixed_run, tmp_path, write_frame=stub_writer).read_text(encoding="utf-8")
+    assert "extended found" in text
+    assert re.search(r"<td>\d+ of \d+</td>", text)
+    tables = build_tables(mixed_run, tmp_path, stub_writer)
+    limits = tables["completeness_limit"].query("level == 0.9 and quantity == 'flux_true_cgs' and rule == 'nearest'")
+    by_kind = limits[limits["method"] == "EML"].set_index("kind")["limit"]
+    assert power(by_kind["point"])[0] in text
+    assert power(by_kind["point"])[0] != power(by_kind["all"])[0]
+    assert power(by_kind["all"])[0] not in text
+    for kind in ("point", "extended"):
+        assert f"Completeness against flux, {kind} sources" in text
+    assert "Completeness against flux</h3>" not in text
 
 
 def test_campaign_file_of_the_run_is_shown(tmp_path):

@@ -80,6 +80,25 @@ def test_integral_counts_at_the_faint_end_are_all_sources(tables, small_run):
     assert of_first(tables["counts_integral"])["n_input"].iloc[0] == inside
 
 
+def test_densities_are_numbers_over_the_area_of_all_fields(tables):
+    row = of_first(tables["counts_integral"]).iloc[0]
+    area_deg2 = deg2_of_circle(10.0) * CELLS[0].realisations
+    for name in ("input", "detected", "false"):
+        assert row[f"{name}_per_deg2"] == pytest.approx(row[f"n_{name}"] / area_deg2)
+        assert row[f"{name}_per_deg2_upper"] == pytest.approx(garwood(row[f"n_{name}"])[1] / area_deg2)
+
+
+def test_kinds_of_sources_have_rows_of_their_own_where_a_cell_has_both(mixed_run, tables):
+    assert set(tables["completeness"]["kind"]) == {"all"}
+    mixed = aggregate(mixed_run)
+    for name in ("completeness", "completeness_limit", "photometry", "astrometry"):
+        assert set(mixed[name]["kind"]) == {"all", "point", "extended"}
+    sums = of_first(mixed["completeness"]).query("quantity == 'flux_true_cgs'").groupby("kind")[["n_true", "n_found"]]
+    n = sums.sum()
+    assert (n.loc["point"] + n.loc["extended"]).equals(n.loc["all"])
+    assert n.loc["extended", "n_true"] > 0
+
+
 def test_limit_interval_holds_the_limit(tables):
     rows = tables["completeness_limit"].query("state == 'reached'")
     assert (rows["lower"] <= rows["limit"] * 1.05).all()

@@ -50,6 +50,14 @@ def test_number_of_sources_is_poisson_with_the_mean_of_the_relation(name: str) -
     assert abs(np.var(n) / mean - 1.0) < Z_1E4 * np.sqrt(2 / 400 + 1 / (400 * mean))
 
 
+def test_sky_has_the_density_of_the_relation_over_the_image_and_its_margin() -> None:
+    params, n_skies = LogNLogSParams(), 20
+    n = sum(len(draw_sky(params, context(f"density{i}")).sources) for i in range(n_skies))
+    counts = number_counts("hasinger1998", "soft").number_above(np.array([params.flux_min_cgs, params.flux_max_cgs]))
+    mean = n_skies * AREA_DEG2 * float(counts[0] - counts[1])
+    assert abs(n - mean) < Z_1E4 * np.sqrt(mean)  # 1.5 %
+
+
 def test_fluxes_follow_the_relation() -> None:
     counts = number_counts("moretti2003", "soft")
     flux_cgs = poisson_fluxes(counts, 20.0, 1e-16, 1e-12, stream("fluxes", "levels"))

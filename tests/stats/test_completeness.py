@@ -5,7 +5,7 @@ import pytest
 from stats_frames import match_rows
 
 from survey_mc.stats.bins import COUNTS_BINS, FLUX_BINS
-from survey_mc.stats.completeness import CompletenessCounts, crossings
+from survey_mc.stats.completeness import CompletenessCounts, crossings, rising_fractions
 
 LOG_HALF, WIDTH = -15.0, 0.12
 LOG_90 = LOG_HALF + WIDTH * np.log(0.9 / 0.1)
@@ -71,6 +71,35 @@ def test_dip_is_pooled_with_its_neighbour():
     dip = crossings(centres, np.array([0, 90, 70, 100]), np.array([100, 100, 100, 100]))
     pooled = crossings(centres, np.array([0, 80, 80, 100]), np.array([100, 100, 100, 100]))
     assert dip == pytest.approx(pooled)
+
+
+def test_rising_fractions_are_the_weighted_isotonic_regression():
+    from scipy.optimize import isotonic_regression
+
+    rng = np.random.default_rng(8)
+    n_true = rng.integers(0, 40, (50, 23))
+    n_found = rng.binomial(n_true, np.linspace(0.1, 0.95, 23))
+    many = rising_fractions(n_found, n_true)
+    for found, true, rising in zip(n_found, n_true, many, strict=True):
+        used = true > 0
+        expected = isotonic_regression(found[used] / true[used], weights=true[used].astype(float)).x
+        np.testing.assert_allclose(rising[used], expected, rtol=1e-12)
+
+
+def test_pooling_weighs_bins_by_their_sources():
+    centres = np.array([-16.0, -15.0, -14.0, -13.0])
+    at_90 = crossings(centres, np.array([0, 90, 7, 1000]), np.array([100, 100, 10, 1000]))[2]
+    assert at_90 == pytest.approx(-14.0 + (0.9 - 97 / 110) / (1.0 - 97 / 110))
+
+
+def test_bins_without_sources_are_passed_over():
+    centres = np.array([np.nan, -15.0, np.nan, -14.0, np.nan])
+    at_50 = crossings(centres, np.array([0, 20, 0, 80, 0]), np.array([0, 100, 0, 100, 0]))[0]
+    assert at_50 == pytest.approx(-14.5)
+
+
+def test_no_source_at_all_reaches_no_level():
+    assert np.isposinf(crossings(np.full(3, np.nan), np.zeros(3, int), np.zeros(3, int))).all()
 
 
 @pytest.mark.parametrize(("status", "state"), [("missed", "not reached"), ("matched", "below range")])

@@ -72,12 +72,3 @@ def test_rayleigh_separations_give_its_quantiles():
     assert row["median_arcsec"] == pytest.approx(sigma * np.sqrt(2 * np.log(2)), abs=0.08)
     assert row["one_sigma_arcsec"] == pytest.approx(sigma * np.sqrt(-2 * np.log(1 - 0.6827)), abs=0.09)
     assert row["rms_arcsec"] == pytest.approx(sigma * np.sqrt(2), rel=0.03)
-
-
-def test_extended_and_point_sources_are_apart():
-    kinds = np.array(["point", "extended", "point"], dtype=object)
-    astrometry = Astrometry()
-    astrometry.add(match_rows(3, status="matched", kind_true=kinds, sep_arcsec=[1.0, 9.0, 1.0]))
-    table = astrometry.table()
-    assert pick(table, "extended")["mean_arcsec"] == 9.0
-    assert pick(table, "point")["n"] == 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from survey_mc.report.figures.completeness import completeness_figure
@@ -27,12 +29,31 @@ def _candidates(source: RunSource, tables: Mapping[str, DataFrame]) -> Iterator[
     cells, look = source.cells, looks(source.methods)
     rule = cells[0].rule if cells else "nearest"
     for quantity in ("flux_true_cgs", "counts_expected"):
-        yield completeness_figure(tables["completeness"], cells, look, rule, quantity)
+        yield from _by_kind(
+            tables["completeness"], partial(completeness_figure, cells=cells, look=look, rule=rule, quantity=quantity)
+        )
     yield false_figure(tables["false_detections"], cells, look, rule)
     for cell in cells:
         yield differential_figure(tables["counts_differential"], cell, look, rule)
     yield integral_figure(tables["counts_integral"], cells, look, rule)
     for by in ("counts", "flux"):
-        yield photometry_figure(tables["photometry"], cells, look, rule, by)
-    yield position_figure(tables["astrometry"], cells, look, rule)
+        yield from _by_kind(tables["photometry"], partial(photometry_figure, cells=cells, look=look, rule=rule, by=by))
+    yield from _by_kind(tables["astrometry"], partial(position_figure, cells=cells, look=look, rule=rule))
     yield cost_figure(tables["cpu_seconds"], cells, look)
+
+
+def _by_kind(table: DataFrame, draw: Callable[[DataFrame], Figure | None]) -> Iterator[Figure | None]:
+    """One figure, or one of the point and one of the extended sources where a cell has both."""
+    extended = table[table["kind"] == "extended"]
+    if not len(extended):
+        yield draw(table)
+        return
+    point = table[(table["kind"] == "point") | ((table["kind"] == "all") & ~table["cell"].isin(extended["cell"]))]
+    for kind, rows in (("point", point), ("extended", extended)):
+        figure = draw(rows)
+        yield figure and replace(
+            figure,
+            name=f"{figure.name}_{kind}",
+            title=f"{figure.title}, {kind} sources",
+            caption=f"{kind.capitalize()} sources only. {figure.caption}",
+        )

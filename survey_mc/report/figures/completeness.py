@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 AXIS = {"flux_true_cgs": "true flux (erg cm⁻² s⁻¹)", "counts_expected": "expected counts"}
 SHORT = {"flux_true_cgs": "flux", "counts_expected": "counts"}
 HEADLINE_LEVEL = 0.9
-SHIFT = 0.012  # of the panels' width in the logarithm, so that intervals of methods do not hide each other
+SHIFT = 0.012  # dex, so that intervals of methods do not hide each other
+ENOUGH_SOURCES = 5  # bins with fewer stand back and are not joined
+FEW_STRENGTH = 0.3
 
 
 def completeness_figure(
@@ -34,11 +36,14 @@ def completeness_figure(
             if not len(curve):
                 continue
             shift = 10.0 ** (SHIFT * (nth - (len(look) - 1) / 2))
-            bars = axes.errorbar(
-                *(curve["centre"] * shift, curve["completeness"], errors(curve, "completeness", "lower", "upper")),
-                color=style.colour, marker=style.marker, ls=style.line, elinewidth=0.8, label=literal(label),
-            )  # fmt: skip
-            soft_bars(bars)
+            is_rich = curve["n_true"] >= ENOUGH_SOURCES
+            for part, line, strength in ((curve[~is_rich], "none", FEW_STRENGTH), (curve[is_rich], style.line, 1.0)):
+                bars = axes.errorbar(
+                    *(part["centre"] * shift, part["completeness"], errors(part, "completeness", "lower", "upper")),
+                    color=style.colour, marker=style.marker, ls=line, elinewidth=0.8, alpha=strength,
+                    label=literal(label),
+                )  # fmt: skip
+                soft_bars(bars, strength)
         axes.axhline(HEADLINE_LEVEL, color="#777777", ls=(0, (1, 2)), lw=1.2)
         log_x(axes, as_powers=quantity == "flux_true_cgs")
         axes.set_ylim(-0.03, 1.05)
@@ -47,7 +52,7 @@ def completeness_figure(
     caption = (
         f"Fraction of the true sources that were found ({rule} rule), against {SHORT[quantity]} as drawn, "
         f"from {fields_phrase(rows)} per panel. Bars: 68 % Jeffreys intervals; dotted: 90 %. "
-        "Methods are set apart sideways by a few per cent."
+        f"Pale and not joined: bins of fewer than {ENOUGH_SOURCES} sources. Methods are set apart sideways by 3 %."
     )
     return Figure(
         f"completeness_{SHORT[quantity]}_{rule}", f"Completeness against {SHORT[quantity]}", png, caption,

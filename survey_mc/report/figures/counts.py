@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from survey_mc.report.figures.panels import cell_title, errors, fields_phrase, log_x, panel_figure, soft_bars
+from survey_mc.report.figures.panels import cell_title, errors, fields_phrase, log_x, log_y, panel_figure, soft_bars
 from survey_mc.report.figures.style import INPUT_COLOUR, Figure, Look, literal
 from survey_mc.report.source import CellLike
+from survey_mc.stats.bins import FLUX_BINS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -29,18 +30,21 @@ def differential_figure(table: DataFrame, cell: CellLike, look: dict[str, Look],
     def draw(place: int, axes: Any) -> None:
         here = rows[rows["method"] == shown[place]]
         style = look[shown[place]]
-        edges = np.append(here["flux_min_cgs"], here["flux_max_cgs"].iloc[-1])
+        first, last = np.searchsorted(FLUX_BINS.edges, [here["flux_min_cgs"].min(), here["flux_max_cgs"].max()])
+        edges = FLUX_BINS.edges[first : last + 1]  # bins without anything have no row, but a place
+        everywhere = here.set_index("flux_min_cgs").reindex(edges[:-1])
         middle = np.sqrt(here["flux_min_cgs"] * here["flux_max_cgs"])
-        axes.stairs(_positive(here["input_per_deg2"]), edges, color=INPUT_COLOUR, lw=1.2, label="input")
+        axes.stairs(_positive(everywhere["input_per_deg2"]), edges, color=INPUT_COLOUR, lw=1.2, label="input")
         seen = here["n_detected"] > 0
         axes.errorbar(
             *(middle[seen], here["detected_per_deg2"][seen]),
             errors(here[seen], "detected_per_deg2", "detected_per_deg2_lower", "detected_per_deg2_upper"),
-            color=style.colour, marker=style.marker, ls="none", elinewidth=1.0,
+            color=style.colour, marker=style.marker, ls="none", elinewidth=1.0, label="detections",
         )  # fmt: skip
-        axes.stairs(_positive(here["false_per_deg2"]), edges, color=style.colour, ls=(0, (3, 2)), lw=1.2)
+        axes.stairs(
+            _positive(everywhere["false_per_deg2"]), edges, color=style.colour, ls=(0, (3, 2)), lw=1.2, label="false"
+        )
         log_x(axes, as_powers=True)
-        axes.set_yscale("log")
         _limit_decades(axes, here["input_per_deg2"], here["detected_per_deg2"])
 
     png = panel_figure(
@@ -81,7 +85,6 @@ def integral_figure(table: DataFrame, cells: Sequence[CellLike], look: dict[str,
             )  # fmt: skip
             soft_bars(bars)
         log_x(axes, as_powers=True)
-        axes.set_yscale("log")
         _limit_decades(axes, here["input_per_deg2"], here["detected_per_deg2"])
 
     png = panel_figure(
@@ -102,9 +105,11 @@ def _positive(values: Any) -> Any:
 
 
 def _limit_decades(axes: Any, *values: Any) -> None:
-    """Keep a logarithmic axis to the decades that carry information."""
+    """Logarithmic y, kept to the decades that carry information."""
+    axes.set_yscale("log")
     top = max((float(np.nanmax(_positive(v))) for v in values if np.any(np.asarray(v) > 0)), default=1.0)
     axes.set_ylim(max(top * 10.0**-DECADES_BELOW_PEAK, axes.get_ylim()[0]), top * 2.0)
+    log_y(axes)
 
 
 def _slug(text: str) -> str:

@@ -44,7 +44,7 @@ def false_figure(table: DataFrame, cells: Sequence[CellLike], look: dict[str, Lo
         axes.set_xlim(left=0)
         axes.grid(axis="y", visible=False)
 
-    png = panel_figure([cell_title(c) for c in shown], draw, "false detections per field", "")
+    png = panel_figure([cell_title(c) for c in shown], draw, "false detections per field", "", row_labels=list(look))
     caption = (
         f"Detections without a counterpart in the input list ({rule} rule), per field, from {fields_phrase(rows)} a "
         "panel: spurious (full), blends (striped) and sources below the count limit (dotted). Bars: 68 % Poisson "
@@ -126,13 +126,12 @@ def cost_figure(table: DataFrame, cells: Sequence[CellLike], look: dict[str, Loo
         axes.barh(range(len(labels)), seconds, height=0.68, color=[look[label].colour for label in labels])
         for height, value in enumerate(seconds):
             axes.annotate(f" {value:.2g} s", (value, height), va="center", fontsize=8)
-        axes.set_xscale("log")
-        axes.set_xlim(10.0 ** np.floor(np.log10(min(seconds)) - 0.05), max(seconds) * 4.0)
+        axes.set_xlim(0.0, max(seconds) * 1.25)
         axes.set_yticks(range(len(labels)), [literal(label) for label in labels])
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
 
-    png = panel_figure([cell_title(c) for c in shown], draw, "CPU seconds per field", "")
+    png = panel_figure([cell_title(c) for c in shown], draw, "CPU seconds per field", "", row_labels=list(look))
     fields = int(rows["fields"].max())
     caption = (
         f"Processor time of detection per field, mean of up to {fields} fields as the journal recorded them (no "

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from survey_mc.report.figures.panels import panel_grid
 from survey_mc.report.figures.style import BLUE, ORANGE, PURPLE, SETTINGS, VERMILLION, Figure, literal, png_of
 from survey_mc.report.source import FieldPicture
 from survey_mc.types import FloatArray
@@ -23,7 +24,10 @@ SCALE_BAR_ARCMIN = 5.0
 SMOOTHING_PIX = 1.5
 DASHED = (0, (2, 1.5))
 MARGIN = 1.05
-PANEL_INCHES = (5.2, 4.5)
+PANEL_INCHES = (4.0, 4.0)
+LEFT_INCHES, RIGHT_INCHES = (0.75, 1.5), 0.8  # the colour bar is right of its image
+BAR_PLACE = (1.03, 0.05, 0.035, 0.9)  # x, y, width, height in units of the image
+BAR_TICKS = 5
 BRIGHT_SHARE = 0.995  # of the non-empty pixels are below white
 
 
@@ -36,14 +40,12 @@ def field_figures(picture: FieldPicture) -> list[Figure]:
 
 
 def _image_figure(picture: FieldPicture) -> Figure:
-    from matplotlib.ticker import MaxNLocator
-
     images = {"photons": np.asarray(picture.observation.counts, dtype=float), **picture.views}
 
     def draw(figure: Any, axes: Any, title: str) -> None:
         unit = "counts per pixel" if title == "photons" else "filtered, counts per pixel"
         shown = _draw_image(picture, axes, images[title])
-        figure.colorbar(shown, ax=axes, shrink=0.9, pad=0.02, ticks=MaxNLocator(5), label=unit)
+        _colour_bar(figure, axes, shown, unit)
 
     png = _image_panels(list(images), draw)
     caption = (
@@ -54,14 +56,13 @@ def _image_figure(picture: FieldPicture) -> Figure:
 
 
 def _outcome_figure(picture: FieldPicture) -> Figure:
-    from matplotlib.ticker import MaxNLocator
     from scipy.ndimage import gaussian_filter
 
     smooth = gaussian_filter(np.asarray(picture.observation.counts, dtype=float), SMOOTHING_PIX)
 
     def draw(figure: Any, axes: Any, title: str) -> None:
         shown = _draw_image(picture, axes, smooth)
-        figure.colorbar(shown, ax=axes, shrink=0.9, pad=0.02, ticks=MaxNLocator(5), label="smoothed counts per pixel")
+        _colour_bar(figure, axes, shown, "smoothed counts per pixel")
         _draw_outcomes(picture, axes, title)
 
     png = _image_panels(list(picture.matches), draw)
@@ -75,26 +76,31 @@ def _outcome_figure(picture: FieldPicture) -> Figure:
 
 def _image_panels(titles: list[str], draw: Any) -> bytes:
     import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure as Canvas
 
     n_columns = min(2, len(titles))
     n_rows = -(-len(titles) // n_columns)
     with mpl.rc_context({**SETTINGS, "axes.grid": False}):
-        figure = Canvas(figsize=(PANEL_INCHES[0] * n_columns, PANEL_INCHES[1] * n_rows + 0.4), layout="constrained")
-        FigureCanvasAgg(figure)
-        grid = figure.subplots(n_rows, n_columns, squeeze=False)
+        figure, grid = panel_grid((n_rows, n_columns), PANEL_INCHES, LEFT_INCHES, RIGHT_INCHES)
         handles: dict[str, Any] = {}
         for axes, title in zip(grid.flat, titles, strict=False):
             draw(figure, axes, title)
-            axes.set_title(literal(title), loc="left")
+            axes.set_title(literal(title), loc="left", y=1.0)
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 handles.setdefault(label, handle)
         for axes in grid.flat[len(titles) :]:
             axes.set_axis_off()
         if handles:
-            figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles))
+            figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=len(handles))
         return png_of(figure)
+
+
+def _colour_bar(figure: Any, axes: Any, shown: Any, label: str) -> None:
+    """The grey levels beside an image; ticks at round numbers that are on the scale."""
+    from matplotlib.ticker import MaxNLocator
+
+    top = shown.norm.vmax
+    ticks = [t for t in MaxNLocator(BAR_TICKS).tick_values(0.0, top) if 0.0 <= t <= top]
+    figure.colorbar(shown, cax=axes.inset_axes(BAR_PLACE), ticks=ticks, label=label)
 
 
 def _draw_image(picture: FieldPicture, axes: Any, image: FloatArray) -> Any:

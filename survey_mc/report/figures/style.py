@@ -32,6 +32,7 @@ MARKERS = "osD^vPX<>*"
 LINES: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)))
 INPUT_COLOUR = "#222222"
 
+DOTS_PER_INCH = 130
 SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -51,9 +52,11 @@ SETTINGS: dict[str, Any] = {
     "lines.markersize": 4.0,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
-    "svg.hashsalt": "survey_mc",
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "figure.dpi": DOTS_PER_INCH,
+    "savefig.dpi": "figure",
 }
-DOTS_PER_INCH = 130
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +99,12 @@ def looks(methods: Sequence[MethodLike]) -> dict[str, Look]:
 
 
 def png_of(figure: Any) -> bytes:
-    """PNG bytes of a matplotlib figure, without the time or the program's name in them."""
+    """PNG bytes of a matplotlib figure, without the time or the program's name in them.
+
+    The canvas draws once; `savefig` would draw twice.
+    """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    figure.canvas.print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 
