@@ -13,6 +13,7 @@ import numpy as np
 from survey_mc.campaign.cells import Cell, expand
 from survey_mc.campaign.draw import cell_response, draw_truth
 from survey_mc.campaign.schema import Campaign
+from survey_mc.detect import DETECTORS
 from survey_mc.errors import BadInput, SurveyError
 from survey_mc.sky.combined import CombinedParams
 from survey_mc.sky.lognlogs import LogNLogSParams, expected_number
@@ -22,7 +23,7 @@ MAX_PHOTONS = 50_000_000  # in one field: 60 bytes each while they are drawn
 
 
 def check_campaign(campaign: Campaign, where: str) -> None:
-    """Raise `BadInput` for what can be known now of fields that cannot be drawn; where: names the campaign."""
+    """Raise `BadInput` for what can be known now of fields that cannot be drawn or searched; where: its name."""
     deepest = {cell.band: cell for cell in sorted(expand(campaign), key=lambda cell: cell.exposure_ks)}
     for cell in deepest.values():
         try:
@@ -30,6 +31,17 @@ def check_campaign(campaign: Campaign, where: str) -> None:
                 _check_cell(campaign, cell)
         except SurveyError as problem:
             raise BadInput(where, str(problem).removeprefix(f"{where}: ")) from None
+        _check_methods(campaign, cell_response(campaign, cell).grid.shape, where)
+
+
+def _check_methods(campaign: Campaign, shape: tuple[int, int], where: str) -> None:
+    for number, choice in enumerate(campaign.method):
+        check = DETECTORS[choice.name].check
+        try:
+            if check is not None:
+                check(choice.params, shape)
+        except ValueError as problem:
+            raise BadInput(where, f"method[{number}].params: {problem}") from None
 
 
 def _check_cell(campaign: Campaign, cell: Cell) -> None:

@@ -40,7 +40,12 @@ def _methods() -> dict[str, Any]:
     return {
         d.name: {
             "about": f"{d.label}, version {d.version}: {d.about}",
-            "lines": [f"reference: {d.reference}", f"profiles: {', '.join(d.profiles)}", *_parameter_lines(d.params)],
+            "lines": [
+                f"reference: {d.reference}",
+                f"profiles: {', '.join(d.profiles)}",
+                *_parameter_lines(d.params),
+                *(f"flags {bit}: {meaning}" for bit, meaning in d.flag_bits.items()),
+            ],
         }
         for d in DETECTORS
     }

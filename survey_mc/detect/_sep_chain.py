@@ -58,7 +58,9 @@ class SepParams(DetectorParams):
     mesh_filter_threshold: float = Field(
         0.0, ge=0.0, description="median filter only where it changes a mesh by more than this (counts per pixel)"
     )
-    minarea_pix: int = Field(5, ge=1, description="smallest number of connected pixels above the threshold (pixels)")
+    minarea_pix: int = Field(
+        5, ge=1, le=10_000, description="smallest number of connected pixels above the threshold (pixels)"
+    )
     deblend_levels: int = Field(64, ge=1, le=1024, description="number of deblending levels, exponentially spaced")
     deblend_contrast: float = Field(
         0.0, ge=0.0, le=1.0, description="smallest share of the flux a branch needs; 0 splits at every saddle, 1 never"
@@ -66,10 +68,10 @@ class SepParams(DetectorParams):
     clean: bool = Field(True, description="drop detections that are the wing of a brighter neighbour")
     clean_param: float = Field(1.0, gt=0.0, le=10.0, description="strength of the cleaning; larger cleans less")
     kron_integration: float = Field(
-        6.0, gt=0.0, description="ellipse in which the Kron radius is measured (units of the rms axes a, b)"
+        6.0, gt=0.0, le=100.0, description="ellipse in which the Kron radius is measured (units of the rms axes a, b)"
     )
-    kron_factor: float = Field(2.5, gt=0.0, description="aperture size (Kron radii)")
-    kron_radius_min: float = Field(3.5, gt=0.0, description="smallest aperture (units of the rms axes a, b)")
+    kron_factor: float = Field(2.5, gt=0.0, le=100.0, description="aperture size (Kron radii)")
+    kron_radius_min: float = Field(3.5, gt=0.0, le=100.0, description="smallest aperture (units of the rms axes a, b)")
     neighbours: Literal["mirror", "blank", "ignore"] = Field(
         "mirror",
         description="pixels of other detections in the aperture: replaced by the opposite pixel (SExtractor's "

@@ -44,7 +44,7 @@ class GaussSeParams(SepParams):
     threshold_kind: Literal["sigma", "poisson_exact"] = Field(
         "sigma", description="a multiple of the rms (paper), or an exact Poisson false-alarm probability"
     )
-    threshold_sigma: float = Field(4.0, gt=0.0, description="threshold of kind sigma (units of the rms)")
+    threshold_sigma: float = Field(4.0, gt=0.0, le=1e3, description="threshold of kind sigma (units of the rms)")
     false_alarm: float = Field(
         1e-5, ge=1e-12, le=0.1, description="threshold of kind poisson_exact (probability per pixel, one-sided)"
     )
@@ -64,7 +64,9 @@ class GaussSeParams(SepParams):
         "with sources clipped, or the map the campaign grants",
     )
     clip_box_pix: int = Field(128, ge=8, le=4096, description="width of the box of background clipped_mean (pixels)")
-    minarea_pix: int = Field(11, ge=1, description="smallest number of connected pixels above the threshold (pixels)")
+    minarea_pix: int = Field(
+        11, ge=1, le=10_000, description="smallest number of connected pixels above the threshold (pixels)"
+    )
 
 
 def weights(observation: Observation, observed: BoolArray, params: GaussSeParams) -> FloatImage:

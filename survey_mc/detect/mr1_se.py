@@ -48,7 +48,9 @@ class Mr1SeParams(Mr1Params, SepParams):
     use_granted_background: bool = Field(
         False, description="subtract the background map the campaign grants instead of a mesh of the filtered image"
     )
-    minarea_pix: int = Field(5, ge=1, description="smallest number of connected pixels above the threshold (pixels)")
+    minarea_pix: int = Field(
+        5, ge=1, le=10_000, description="smallest number of connected pixels above the threshold (pixels)"
+    )
 
 
 def restored(observation: Observation, observed: BoolArray, params: Mr1SeParams) -> Float32Image:
@@ -130,4 +132,5 @@ DETECTOR = Detector(
     view=filtered_image,
     profiles={"paper": PAPER, "modern": MODERN},
     flag_bits=FLAG_BITS,
+    check=check_scales,
 )

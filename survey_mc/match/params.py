@@ -31,13 +31,15 @@ class MatchParams(BaseModel):
         "nearest",
         description="rule the tables use: nearest (position, the paper's) or origin (photons); both are stored",
     )
-    radius_arcsec: PositiveFloat = Field(6.0, description="search radius of the nearest rule (arcsec)")
+    radius_arcsec: PositiveFloat = Field(6.0, le=3600.0, description="search radius of the nearest rule (arcsec)")
     assignment: Assignment = Field(
         "nearest_from_detection",
         description="nearest rule: nearest_from_detection (each detection takes its nearest source, the closest keeps "
         "it), mutual (each must be the other's nearest) or one_to_one (most pairs, then least total separation)",
     )
-    region_arcmin: PositiveFloat = Field(10.0, description="only sources and detections inside this off-axis angle")
+    region_arcmin: PositiveFloat = Field(
+        10.0, le=600.0, description="only sources and detections inside this off-axis angle"
+    )
     counts_min: NonNegativeFloat | dict[str, NonNegativeFloat] = Field(
         COUNTS_MIN_DEFAULT,
         description="count limit of the input list: one number, or one for each exposure (ks): { 10 = 10, 100 = 30 }",
@@ -46,11 +48,15 @@ class MatchParams(BaseModel):
         "counts_expected",
         description="counts the limit applies to: expected (vignetted) or on axis (rate × exposure, the paper's)",
     )
-    link_radius_arcsec: PositiveFloat = Field(30.0, description="all pairs up to this separation go to the links table")
+    link_radius_arcsec: PositiveFloat = Field(
+        30.0, le=3600.0, description="all pairs up to this separation go to the links table"
+    )
     origin_radius_arcsec: PositiveFloat = Field(
         15.0, description="photon aperture of a detection: this radius, or its r50 where larger"
     )
-    aperture_max_arcsec: PositiveFloat = Field(120.0, description="largest photon aperture, whatever r50 says")
+    aperture_max_arcsec: PositiveFloat = Field(
+        120.0, le=3600.0, description="largest photon aperture, whatever r50 says"
+    )
     origin_counts_min: PositiveInt = Field(3, description="least photons for a source to be the origin of a detection")
     origin_chance_max: Fraction = Field(
         0.02, description="largest chance that the background alone gives as many photons as source and background"

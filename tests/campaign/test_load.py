@@ -44,6 +44,11 @@ BAD = {
     "truth value as an exposure": (("[10.0]", "[true]"), "grid.exposure_ks[0]", "True"),
     "text as a flux": (("flux_min_cgs = 1e-15", "margin_arcmin = true"), "sky.margin_arcmin", "True"),
     "parameters that are no table": (('label = "G"', "params = 3"), "method[0].params", "table"),
+    "scales that do not fit the image": (
+        ('name = "gauss_se"\nlabel = "G"', 'name = "mr1_se"\nparams = { n_scales = 8 }'),
+        "method[0].params",
+        "n_scales must be 2..6 for a 128-pixel image (got 8)",
+    ),
     "unknown profile": (('label = "G"', 'profile = "papr"'), "method[0].profile", "did you mean 'paper'?"),
     "unknown instrument": (('"xmm_epic"', '"xmm_epik"'), "instrument.name", "did you mean 'xmm_epic'?"),
     "unknown sky": (('"lognlogs"', '"lognlog"'), "sky", "lognlogs"),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from small_campaigns import TEXT
 
 from survey_mc.cli import main
+from survey_mc.detect import DETECTORS
 
 
 def call(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -133,13 +135,17 @@ def test_a_repaired_file_leaves_no_parts_behind(root: Path, capsys: pytest.Captu
 
 
 def test_plan_says_what_fails_on_the_first_field(
-    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    campaign.write_text(TEXT.replace('label = "G"', 'label = "G"\nparams = { minarea_pix = 99999999999 }'))
+    def fail(*arguments: object) -> None:
+        raise RuntimeError("no light today")
+
+    monkeypatch.setitem(DETECTORS._entries, "gauss_se", replace(DETECTORS["gauss_se"], detect=fail))
     _, out, _ = call(capsys, "plan", campaign, "--out", tmp_path / "run", "--json")
 
     (problem,) = json.loads(out)["problems"]
     assert problem.startswith("xmm_epic-soft-10ks / G: ")
+    assert "no light today" in problem
 
 
 @pytest.mark.parametrize(
