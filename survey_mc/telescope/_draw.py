@@ -206,8 +206,8 @@ def _sorted_by_fraction(photons: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def sorted_by_row(photons: FloatArray, ny: int, nx: int) -> tuple[FloatArray, IntArray]:
-    """Photons (n, 3) in order of row and, within a row, of x; and (ny + 1,) the first photon of each row.
+def sorted_by_row(photons: FloatArray, ny: int, nx: int) -> FloatArray:
+    """Photons (n, 3) in order of row and, within a row, of x.
 
     Counting passes, fine columns then rows, and an insertion for the order inside a fine column. Overwrites its input.
     """
@@ -241,53 +241,66 @@ def sorted_by_row(photons: FloatArray, ny: int, nx: int) -> tuple[FloatArray, In
             ordered[k, 0], ordered[k, 1], ordered[k, 2] = ordered[k - 1, 0], ordered[k - 1, 1], ordered[k - 1, 2]
             k -= 1
         ordered[k, 0], ordered[k, 1], ordered[k, 2] = x, y, source
-    return ordered, row_start
+    return ordered
 
 
 @njit(cache=True)
 def merged(
-    expected: FloatImage, levels: FloatArray, heights: FloatArray, photons: FloatArray, row_start: IntArray
+    expected: FloatImage,
+    edges: FloatArray,
+    levels: FloatArray,
+    heights: FloatArray,
+    photons: FloatArray,
 ) -> tuple[IntImage, FloatArray, IntArray, IntArray]:
     """Background and source photons in row-major pixel order, x ascending inside a pixel.
 
-    The background is the process `levels` along `expected`, as in `place_in_pixels`; photons and row_start are from
-    `sorted_by_row`. Returns counts (ny, nx), positions (n, 2), origin (n,; −1 for background) and the first photon of
-    each pixel (ny·nx + 1,).
+    The background is the process `levels` along `expected`, as in `place_in_pixels`; edges: (ny·nx + 1,) accumulated
+    expectation before each pixel and after the last; photons are from `sorted_by_row`. Returns counts (ny, nx),
+    positions (n, 2), origin (n,; −1 for background) and the first photon of each pixel (ny·nx + 1,).
     """
     ny, nx = expected.shape
-    capacity = levels.size + photons.shape[0]
-    positions = np.empty((capacity, 2))
-    origin = np.empty(capacity, np.int32)
+    means = expected.ravel()
+    n_sources = photons.shape[0]
+    positions = np.empty((levels.size + n_sources, 2))
+    origin = np.empty(levels.size + n_sources, np.int32)
+    pixel_start = np.zeros(ny * nx + 1, np.int64)
+    n = s = pixel = row = 0
+    next_pixel = _pixel_of(photons, s, nx)
+    for b in range(levels.size + 1):
+        if b < levels.size:
+            while pixel < means.size and edges[pixel + 1] <= levels[b]:
+                pixel += 1
+        else:
+            pixel = means.size
+        while (row + 1) * nx <= pixel:
+            row += 1
+        x = np.inf
+        if pixel < means.size:
+            x = pixel - row * nx - 0.5 + min((levels[b] - edges[pixel]) / means[pixel], _BELOW_ONE)
+        while next_pixel < pixel or (next_pixel == pixel and s < n_sources and photons[s, 0] < x):
+            positions[n, 0], positions[n, 1] = photons[s, 0], photons[s, 1]
+            origin[n] = int(photons[s, 2])
+            pixel_start[next_pixel + 1] += 1
+            n += 1
+            s += 1
+            next_pixel = _pixel_of(photons, s, nx)
+        if pixel == means.size:
+            break
+        positions[n, 0], positions[n, 1] = x, row - 0.5 + heights[b]
+        origin[n] = -1
+        pixel_start[pixel + 1] += 1
+        n += 1
     counts = np.empty((ny, nx), np.int32)
-    pixel_start = np.empty(ny * nx + 1, np.int64)
-    n = b = s = 0
-    edge = 0.0
-    next_level = levels[0] if levels.size > 0 else np.inf
-    for row in range(ny):
-        row_end = row_start[row + 1]
-        next_x = photons[s, 0] if s < row_end else np.inf
-        for column in range(nx):
-            first = n
-            lower, edge = edge, edge + expected[row, column]
-            while True:
-                is_background = next_level < edge
-                limit = column + 0.5
-                if is_background:
-                    limit = column - 0.5 + min((next_level - lower) / expected[row, column], _BELOW_ONE)
-                while next_x < limit:
-                    positions[n, 0], positions[n, 1] = next_x, photons[s, 1]
-                    origin[n] = int(photons[s, 2])
-                    n += 1
-                    s += 1
-                    next_x = photons[s, 0] if s < row_end else np.inf
-                if not is_background:
-                    break
-                positions[n, 0], positions[n, 1] = limit, row - 0.5 + heights[b]
-                origin[n] = -1
-                n += 1
-                b += 1
-                next_level = levels[b] if b < levels.size else np.inf
-            pixel_start[row * nx + column] = first
-            counts[row, column] = n - first
-    pixel_start[ny * nx] = n
+    each = counts.ravel()
+    for p in range(means.size):
+        each[p] = pixel_start[p + 1]
+        pixel_start[p + 1] += pixel_start[p]
     return counts, positions[:n], origin[:n], pixel_start
+
+
+@njit(cache=True)
+def _pixel_of(photons: FloatArray, s: int, nx: int) -> int:
+    """Row-major pixel of a photon; beyond every pixel when there are no more photons."""
+    if s >= photons.shape[0]:
+        return np.iinfo(np.int64).max
+    return int(photons[s, 1] + 0.5) * nx + int(photons[s, 0] + 0.5)

@@ -59,8 +59,9 @@ def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
     photons = np.concatenate(parts) if len(parts) > 1 else parts[0]
     counts, positions, origin, pixel_start = _draw.merged(
         response.background_expected,
-        *_arrivals(rng("background"), response.background_total),
-        *_draw.sorted_by_row(photons, *response.grid.shape),
+        response.background_edges,
+        *_arrivals(rng("background"), float(response.background_edges[-1])),
+        _draw.sorted_by_row(photons, *response.grid.shape),
     )
     for values in (origin, pixel_start):
         values.setflags(write=False)

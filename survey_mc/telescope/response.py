@@ -32,8 +32,9 @@ class Response:
     """What one exposure in one band does to a sky.
 
     psf: the true one, None when switched off. exposure_map_s: (ny, nx), exposure × vignetting, 0 outside the field of
-    view. background_expected: (ny, nx) counts, background_total their sum. in_view: (ny, nx), True where something is
-    observed. field_of_view_arcmin: its radius, infinite when switched off.
+    view. background_expected: (ny, nx) counts; background_edges: (ny·nx + 1,) their accumulation in row-major order,
+    from 0 to the total of the image. in_view: (ny, nx), True where something is observed. field_of_view_arcmin: its
+    radius, infinite when switched off.
     """
 
     grid: PixelGrid
@@ -45,7 +46,7 @@ class Response:
     field_of_view_arcmin: float
     exposure_map_s: FloatImage
     background_expected: FloatImage
-    background_total: float
+    background_edges: FloatArray
     in_view: BoolArray
     grants_background: bool
 
@@ -101,11 +102,12 @@ def build_response(settings: InstrumentSettings, band_name: str, exposure_s: flo
         field_of_view_arcmin=fov_arcmin,
         exposure_map_s=exposure_s * seen,
         background_expected=background_expected,
-        background_total=float(background_expected.sum()),
+        background_edges=np.concatenate(([0.0], np.cumsum(background_expected))),
         in_view=in_view,
         grants_background=settings.grants_background,
     )
-    for values in (response.exposure_map_s, response.background_expected, response.in_view):
+    frozen = (response.exposure_map_s, response.background_expected, response.background_edges, response.in_view)
+    for values in frozen:
         values.setflags(write=False)
     return response
 
