@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from survey_mc.telescope import _draw
+from survey_mc.telescope import _draw, _order
 from survey_mc.telescope.beta_model import profile_directions
 from survey_mc.telescope.response import Response
 from survey_mc.telescope.vignetting import VALID_ARCMIN, held_vignetting
@@ -57,11 +57,11 @@ def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
         image_rng = rng("sky_image")
         parts += [_image_photons(image_rng, image, response, n_sources + i) for i, image in enumerate(sky.images)]
     photons = np.concatenate(parts) if len(parts) > 1 else parts[0]
-    counts, positions, origin, pixel_start = _draw.merged(
+    counts, positions, origin, pixel_start = _order.merged(
         response.background_expected,
         response.background_edges,
         *_arrivals(rng("background"), float(response.background_edges[-1])),
-        _draw.sorted_by_row(photons, *response.grid.shape),
+        _order.sorted_by_row(photons, *response.grid.shape),
     )
     for values in (origin, pixel_start):
         values.setflags(write=False)
