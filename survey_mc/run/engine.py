@@ -171,7 +171,7 @@ def _harvest(
 def _pack_where_done(layout: RunLayout, manifest: Manifest, cell: Cell, order: Order, per_file: int) -> None:
     start = order.start // per_file * per_file
     shard = (start, min(start + per_file, cell.realisations))
-    for family, _ in families_of(cell):
+    for family in families_of(cell):
         pack_shard(layout, manifest, family, shard, only_whole=True)
 
 
@@ -181,7 +181,7 @@ def pack_all(
     """Join adjacent parts in every shard; a failed field leaves a gap between two files and nothing else."""
     for cell in cells:
         for shard in shards(cell.realisations, per_file):
-            for family, _ in families_of(cell):
+            for family in families_of(cell):
                 pack_shard(layout, manifest, family, shard, only_whole=only_whole)
 
 

@@ -14,9 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 
-from survey_mc.campaign import Campaign, Cell, CellMethod
+from survey_mc.campaign import Campaign, Cell
 from survey_mc.run.task import Order
 from survey_mc.store import Family, Manifest, Record
+from survey_mc.store.layout import StoredTable
 
 # Realisations that failed before, by the field key (drawing) or the detect key (a method); they are left alone unless
 # asked for again.
@@ -54,13 +55,13 @@ def _without(start: int, stop: int, number: int) -> list[Range]:
     return [part for part in ((start, number), (number + 1, stop)) if part[0] < part[1]]
 
 
-def families_of(cell: Cell) -> Iterator[tuple[Family, CellMethod | None]]:
+def families_of(cell: Cell) -> Iterator[Family]:
     """All families of files of a cell."""
-    yield Family("truth", cell.field_key), None
+    yield Family("truth", cell.field_key)
     for method in cell.methods:
-        yield Family("detections", method.detect_key), method
-        yield Family("matches", method.match_key), method
-        yield Family("links", method.match_key), method
+        yield Family("detections", method.detect_key)
+        yield Family("matches", method.match_key)
+        yield Family("links", method.match_key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,20 +79,20 @@ class Missing:
 
 def _missing_in(manifest: Manifest, cell: Cell, start: int, stop: int, failed: KnownFailures) -> Missing:
     undrawn = [j for j in range(start, stop) if j in failed.get(cell.field_key, ())]
-    truth = missing_ranges(manifest.covering(Family("truth", cell.field_key), start, stop), start, stop, undrawn)
+
+    def holes(table: StoredTable, key: str, broken: list[int]) -> list[Range]:
+        return missing_ranges(manifest.covering(Family(table, key), start, stop), start, stop, broken)
+
     detect: dict[str, list[Range]] = {}
     match: dict[str, list[Range]] = {}
     for method in cell.methods:
         broken = [j for j in range(start, stop) if j in undrawn or j in failed.get(method.detect_key, ())]
-        for wanted, tables in ((detect, ("detections",)), (match, ("matches", "links"))):
-            key = method.detect_key if wanted is detect else method.match_key
-            holes = [
-                hole
-                for table in tables
-                for hole in missing_ranges(manifest.covering(Family(table, key), start, stop), start, stop, broken)  # type: ignore[arg-type]
-            ]
-            wanted[method.label] = holes
-    return Missing(truth, detect, match)
+        detect[method.label] = holes("detections", method.detect_key, broken)
+        match[method.label] = [
+            *holes("matches", method.match_key, broken),
+            *holes("links", method.match_key, broken),
+        ]
+    return Missing(holes("truth", cell.field_key, undrawn), detect, match)
 
 
 def orders(
