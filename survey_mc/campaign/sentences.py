@@ -37,10 +37,13 @@ def sentence_of(error: ValidationError, model: type[BaseModel], content: dict[st
 
 
 def _causes(error: ValidationError) -> list[ErrorDetails]:
-    """The errors without those that only follow from one inside them, such as a list that lost its bad value."""
+    """The errors without those that only follow from one inside them, such as a list that lost its bad value.
+
+    Unknown keys come first: a misspelt key also leaves one missing, and it is the one to mend.
+    """
     errors = error.errors(include_url=False)
     above = {e["loc"][:depth] for e in errors for depth in range(len(e["loc"]))}
-    return [e for e in errors if e["loc"] not in above]
+    return sorted((e for e in errors if e["loc"] not in above), key=lambda e: e["type"] != "extra_forbidden")
 
 
 def _plain(message: str) -> str:

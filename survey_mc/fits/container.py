@@ -116,7 +116,7 @@ def _opened(path: str | Path) -> Iterator[tuple[IO[bytes], int | None]]:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        raise BadInput(where, "there is no such file") from None
+        raise BadInput(where, "there is no such file; give the path of a FITS file") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise BadInput(where, f"cannot be read ({getattr(error, 'strerror', None) or error})") from error
     if stat.S_ISDIR(mode):

@@ -13,6 +13,7 @@ from survey_mc.errors import BadInput
 
 BAD = {
     "unknown key": (("seed = 7", "seed = 7\nsead = 8"), "sead: is not a known key", "did you mean 'seed'?"),
+    "misspelt key": (("seed = 7", "sead = 7"), "sead: is not a known key", "did you mean 'seed'?"),
     "unknown key in a table": (
         ("realisations = 6", "realisations = 6\nexposure_s = 3"),
         "grid.exposure_s",
