@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from survey_mc.detect import DETECTORS, _atrous, _catalogue, _mr1, _sep_chain, _smoothing, gauss_se, mr1_se
+from survey_mc.detect import DETECTORS, _atrous, _catalogue, _mr1, _observed, _sep_chain, _smoothing, gauss_se, mr1_se
 from survey_mc.detect._few_event import abaque
 from survey_mc.types import Band, FloatArray, Observation, PixelGrid
 
@@ -70,7 +70,7 @@ def report(step: str, repeats: int, work: Callable[[], object]) -> None:
 def bench(exposure_ks: int, repeats: int) -> None:
     """All steps on one field."""
     observation = draw(exposure_ks)
-    observed = _catalogue.observed_pixels(observation)
+    observed = _observed.observed_pixels(observation)
     photons = observation.counts.astype(np.float64)
     paper, rng = mr1_se.PAPER, np.random.default_rng(0)
     print(f"{exposure_ks} ks, {observation.counts.sum()} photons")

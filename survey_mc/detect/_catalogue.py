@@ -9,16 +9,14 @@ Limits   counts are what the Kron aperture holds; without aperture correction a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from survey_mc.columns import DETECTIONS, REALISATION, Column
+from survey_mc.columns import Column
 from survey_mc.detect._aperture_correction import aperture_fraction
+from survey_mc.detect._rows import COMMON_COLUMNS, Values, empty_frame, ordered_frame, rates_and_fluxes
 from survey_mc.detect._sep_chain import (
     FLAG_APERTURE_MASKED,
     FLAG_APERTURE_TRUNCATED,
@@ -30,11 +28,6 @@ from survey_mc.detect._sep_chain import (
     extract,
 )
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
-from survey_mc.units import flux_from_rate
-
-Values = dict[str, NDArray[Any]]
-
-COMMON_COLUMNS = tuple(c for c in DETECTIONS.columns if c is not REALISATION)
 
 SEP_COLUMNS = (
     Column("kron_radius", "float64", "Kron radius in units of the ellipse (a_pix, b_pix)", ucd="phys.angSize;src"),
@@ -49,8 +42,6 @@ SEP_COLUMNS = (
     Column("threshold_per_pix", "float64", "detection threshold above the background there", "count", "instr.det"),
     Column("sep_flag", "int32", "flag of the extraction as sep returns it", ucd="meta.code.qual"),
 )
-
-DTYPES = {"int32": np.int32, "int64": np.int64, "float64": np.float64, "bool": np.bool_, "string": np.str_}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,28 +63,6 @@ class Search:
     relative_exposure: FloatImage | None = None
 
 
-def observed_pixels(observation: Observation) -> BoolArray:
-    """True where the exposure is positive. Raises ValueError for an exposure or counts that cannot be used."""
-    exposure, counts = observation.exposure_s, observation.counts
-    if exposure.shape != counts.shape:
-        raise ValueError(f"exposure_s must have the shape of counts, {counts.shape} (got {exposure.shape})")
-    if not np.all(np.isfinite(exposure)) or exposure.min() < 0.0:
-        raise ValueError("exposure_s must be finite and ≥ 0, 0 where not observed (got NaN, infinite or < 0)")
-    if counts.min() < 0:
-        raise ValueError(f"counts must be ≥ 0 (got {counts.min()})")
-    return np.asarray(exposure > 0.0)
-
-
-def empty_frame(columns: tuple[Column, ...]) -> pd.DataFrame:
-    """No rows, all columns with their declared dtypes."""
-    return typed_frame({c.name: np.zeros(0) for c in columns}, columns)
-
-
-def typed_frame(values: Mapping[str, NDArray[Any]], columns: tuple[Column, ...]) -> pd.DataFrame:
-    """Frame with the declared columns, in their order and with their dtypes."""
-    return pd.DataFrame({c.name: np.asarray(values[c.name]).astype(DTYPES[c.dtype]) for c in columns})
-
-
 def catalogue(observation: Observation, search: Search, params: SepParams) -> pd.DataFrame:
     """Extract and measure everything above the threshold of a search image."""
     signal = np.ascontiguousarray(search.filtered - search.background)
@@ -104,9 +73,7 @@ def catalogue(observation: Observation, search: Search, params: SepParams) -> pd
     values = isophotal_values(observation, search, signal, found)
     values |= photometry(observation, search, signal, found, values["exposure_s"], params)
     values["flags"] = found.objects["flag"] | values["flags"] | found.flags
-    order = np.lexsort((values["x_pix"], values["y_pix"], -values["significance"]))
-    values["det_id"] = np.argsort(order)
-    return typed_frame(values, columns).iloc[order].reset_index(drop=True)
+    return ordered_frame(values | rates_and_fluxes(observation, values), columns)
 
 
 def isophotal_values(observation: Observation, search: Search, signal: Float32Image, found: Extraction) -> Values:
@@ -123,7 +90,6 @@ def isophotal_values(observation: Observation, search: Search, signal: Float32Im
         "y_pix": y,
         "x_err_pix": np.sqrt(variance[:, 0]),
         "y_err_pix": np.sqrt(variance[:, 1]),
-        "offaxis_arcmin": observation.grid.offaxis_arcmin(x, y),
         "exposure_s": exposure,
         "significance": np.asarray(objects["peak"], dtype=np.float64) / search.unit[peak],
         "a_pix": objects["a"],
@@ -171,7 +137,7 @@ def photometry(
     exposure_s: FloatArray,
     params: SepParams,
 ) -> Values:
-    """Kron counts, rates, fluxes, half-light radii and their errors."""
+    """Kron counts and half-light radii, with errors."""
     relative = np.ones((1, 1)) if search.relative_exposure is None else search.relative_exposure
     background = np.asarray(search.background * relative, dtype=np.float32)
     raw = observation.counts.astype(np.float32)
@@ -186,15 +152,10 @@ def photometry(
         correction *= exposure_s / observation.exposure_s.max()
     counts = values["counts"] * correction
     counts_err = values["counts_err"] * correction
-    conversion = observation.band.flux_per_rate_cgs
-    flux_of = np.full(len(counts), np.nan) if conversion is None else flux_from_rate(1.0 / exposure_s, conversion)
     objects = found.objects
     return values | {
         "counts": counts,
         "counts_err": counts_err,
-        "rate_cps": counts / exposure_s,
-        "flux_cgs": counts * flux_of,
-        "flux_err_cgs": counts_err * flux_of,
         "background_per_pix": background[np.rint(objects["y"]).astype(int), np.rint(objects["x"]).astype(int)],
         "r50_arcsec": values["r50_pix"] * scale_arcsec,
     }

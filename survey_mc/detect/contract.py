@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from survey_mc.columns import Column
-from survey_mc.detect._catalogue import COMMON_COLUMNS, typed_frame
+from survey_mc.detect._rows import COMMON_COLUMNS, typed_frame
 from survey_mc.detect.detector import Detector
 from survey_mc.errors import SurveyError
 from survey_mc.types import Observation

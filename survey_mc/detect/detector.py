@@ -34,7 +34,9 @@ class Detector:
     with the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing
     was found, or a `Skip`. view(obs, params): the filtered image the procedure searches, for reports. profiles: named
     sets of parameters ("paper", "modern"). tiny: parameters for quick contract tests. flag_bits: meaning of each bit of
-    the column `flags`. check(params, shape): raises ValueError if the parameters do not fit an image of that shape.
+    the column `flags`. check(params, shape): raises ValueError if the parameters do not fit an image of that shape. native_names:
+    what the original program calls columns that mean the same in the same unit ({"SCTS": "counts"}); FITS catalogues
+    carry both.
     """
 
     name: str
@@ -50,3 +52,4 @@ class Detector:
     profiles: Mapping[str, DetectorParams] = field(default_factory=dict)
     flag_bits: Mapping[int, str] = field(default_factory=dict)
     check: Callable[[Any, tuple[int, int]], None] | None = None
+    native_names: Mapping[str, str] = field(default_factory=dict)

@@ -18,16 +18,11 @@ import pandas as pd
 from pydantic import Field
 
 from survey_mc.detect import _smoothing
-from survey_mc.detect._catalogue import (
-    COMMON_COLUMNS,
-    SEP_COLUMNS,
-    Search,
-    catalogue,
-    empty_frame,
-    observed_pixels,
-)
+from survey_mc.detect._catalogue import SEP_COLUMNS, Search, catalogue
 from survey_mc.detect._exact_threshold import excess_threshold_map
+from survey_mc.detect._observed import granted_background, observed_pixels
 from survey_mc.detect._poisson_background import LEAST_BACKGROUND_PER_PIX, clipped_mean_background
+from survey_mc.detect._rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect._sep_chain import FLAG_BITS, SepParams, mesh_background
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
@@ -96,9 +91,7 @@ def background_map(
     observed = observed_pixels(observation)
     weight = weights(observation, observed, params)
     if params.background == "granted":
-        if observation.background is None:
-            raise ValueError("background = granted needs an observation with a background map (got none)")
-        photons = observation.background
+        photons = granted_background(observation)
     else:
         photons = clipped_mean_background(
             observation.counts.astype(np.float64),

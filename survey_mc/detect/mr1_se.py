@@ -17,15 +17,10 @@ import pandas as pd
 from pydantic import Field
 
 from survey_mc.detect import _smoothing
-from survey_mc.detect._catalogue import (
-    COMMON_COLUMNS,
-    SEP_COLUMNS,
-    Search,
-    catalogue,
-    empty_frame,
-    observed_pixels,
-)
+from survey_mc.detect._catalogue import SEP_COLUMNS, Search, catalogue
 from survey_mc.detect._mr1_params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
+from survey_mc.detect._observed import granted_background, observed_pixels
+from survey_mc.detect._rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect._sep_chain import FLAG_BITS, Float32Image, SepParams, mesh_background
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
@@ -45,8 +40,8 @@ class Mr1SeParams(Mr1Params, SepParams):
     threshold_min_per_pix: float = Field(
         0.05, gt=0.0, description="threshold is never below this (counts per pixel), for almost empty images"
     )
-    use_granted_background: bool = Field(
-        False, description="subtract the background map the campaign grants instead of a mesh of the filtered image"
+    background: Literal["sep_mode", "granted"] = Field(
+        "sep_mode", description="sep's mode of the filtered image, or the map the campaign grants"
     )
     minarea_pix: int = Field(
         5, ge=1, le=10_000, description="smallest number of connected pixels above the threshold (pixels)"
@@ -87,10 +82,8 @@ def search_image(observation: Observation, params: Mr1SeParams, observed: BoolAr
     mesh = mesh_background(filtered, masked, params)
     background = np.asarray(mesh.back(), dtype=np.float32)
     level = background if params.threshold_background == "local" else np.full(filtered.shape, mesh.globalback)
-    if params.use_granted_background:
-        if observation.background is None:
-            raise ValueError("use_granted_background needs an observation with a background map (got none)")
-        background = observation.background.astype(np.float32)
+    if params.background == "granted":
+        background = granted_background(observation).astype(np.float32)
         level = background
     # √background, not below the value the smallest threshold corresponds to: significance and threshold stay in step.
     least = params.threshold_min_per_pix / params.threshold_sqrt_background

@@ -265,7 +265,7 @@ def test_options_of_gauss_se_work_under_vignetting(changes):
 
 @pytest.mark.parametrize("name", ["gauss_se", "mr1_se"])
 def test_granted_background_is_used_or_asked_for(name):
-    option = {"background": "granted"} if name == "gauss_se" else {"use_granted_background": True}
+    option = {"background": "granted"}
     observation = observe(bright_sources()[1])
     with pytest.raises(ValueError, match="needs an observation with a background map"):
         run(DETECTORS[name], observation, **option)
