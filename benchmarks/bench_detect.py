@@ -12,8 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from survey_mc.detect import DETECTORS, _atrous, _catalogue, _mr1, _observed, _sep_chain, _smoothing, gauss_se, mr1_se
-from survey_mc.detect._few_event import abaque
+from survey_mc.detect import DETECTORS, gauss_se, mr1_se
+from survey_mc.detect._mr1 import atrous
+from survey_mc.detect._mr1 import filter as mr1
+from survey_mc.detect._mr1.few_event import abaque
+from survey_mc.detect._sextractor import catalogue, sep_chain
+from survey_mc.detect._shared import observed, smoothing
 from survey_mc.types import Band, FloatArray, Observation, PixelGrid
 
 N_PIX = 512
@@ -70,43 +74,41 @@ def report(step: str, repeats: int, work: Callable[[], object]) -> None:
 def bench(exposure_ks: int, repeats: int) -> None:
     """All steps on one field."""
     observation = draw(exposure_ks)
-    observed = _observed.observed_pixels(observation)
+    seen = observed.observed_pixels(observation)
     photons = observation.counts.astype(np.float64)
     paper, rng = mr1_se.PAPER, np.random.default_rng(0)
     print(f"{exposure_ks} ks, {observation.counts.sum()} photons")
-    report("Gaussian smoothing, 12″", repeats, lambda: _smoothing.smooth(photons, 1.274))
-    projected = _mr1.project(photons, "mirror")
-    work = _atrous.Workspace.of(projected.shape, 6)
-    report("MR/1: projection", repeats, lambda: _mr1.project(photons, "mirror"))
-    report("à trous, 6 planes", repeats, lambda: _atrous.transform(projected, work, _atrous.BORDER_MIRROR))
-    report("MR/1: support", repeats, lambda: _mr1.significant(projected, photons, paper))
-    report("MR/1: whole filter, 25 iterations", repeats, lambda: _mr1.restore(photons, paper))
+    report("Gaussian smoothing, 12″", repeats, lambda: smoothing.smooth(photons, 1.274))
+    projected = mr1.project(photons, "mirror")
+    work = atrous.Workspace.of(projected.shape, 6)
+    report("MR/1: projection", repeats, lambda: mr1.project(photons, "mirror"))
+    report("à trous, 6 planes", repeats, lambda: atrous.transform(projected, work, atrous.BORDER_MIRROR))
+    report("MR/1: support", repeats, lambda: mr1.significant(projected, photons, paper))
+    report("MR/1: whole filter, 25 iterations", repeats, lambda: mr1.restore(photons, paper))
     for module in (gauss_se, mr1_se):
         params = module.PAPER
-        search = module.search_image(observation, params, observed)
+        search = module.search_image(observation, params, seen)
         signal = np.ascontiguousarray(search.filtered - search.background)
-        found = _sep_chain.extract(signal, search.threshold, search.masked, params)
+        found = sep_chain.extract(signal, search.threshold, search.masked, params)
         name = module.DETECTOR.name
         raw = observation.counts.astype(np.float32)
         print(f" {name}: {len(found.objects)} detections")
-        report("search image", repeats, lambda m=module, p=params: m.search_image(observation, p, observed))
-        report(
-            "sep background", repeats, lambda s=search, p=params: _sep_chain.mesh_background(s.filtered, s.masked, p)
-        )
+        report("search image", repeats, lambda m=module, p=params: m.search_image(observation, p, seen))
+        report("sep background", repeats, lambda s=search, p=params: sep_chain.mesh_background(s.filtered, s.masked, p))
         report(
             "sep extraction, 64 levels, contrast 0",
             repeats,
-            lambda s=search, d=signal, p=params: _sep_chain.extract(d, s.threshold, s.masked, p),
+            lambda s=search, d=signal, p=params: sep_chain.extract(d, s.threshold, s.masked, p),
         )
         report(
             "Kron and R50 photometry",
             repeats,
-            lambda s=search, d=signal, f=found, p=params, r=raw: _catalogue.aperture_values(d, d, r, s.masked, f, p),
+            lambda s=search, d=signal, f=found, p=params, r=raw: catalogue.aperture_values(d, d, r, s.masked, f, p),
         )
         report(
             "position errors",
             repeats,
-            lambda s=search, d=signal, f=found: _catalogue.barycentre_variances(s, d, f),
+            lambda s=search, d=signal, f=found: catalogue.barycentre_variances(s, d, f),
         )
         report(f"{name}, end to end", repeats, lambda n=name, p=params: DETECTORS[n].detect(observation, p, rng))
 

@@ -1,7 +1,7 @@
-"""The promise every procedure keeps to the rest of the pipeline, checked after every call.
+"""The promise every procedure keeps to the rest of the pipeline: its record, and the rows of every call.
 
 Idea     the author of a procedure reads his own mistake as a sentence, not a failure three stages later.
-Limits   it checks form and domain, not science.
+Limits   it checks form and domain, not science; `survey_mc.testing` checks behaviour.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from survey_mc.columns import Column
-from survey_mc.detect._rows import COMMON_COLUMNS, typed_frame
+from survey_mc.columns import REALISATION, SKY_COLUMNS_OF_CATALOGUE, Column
+from survey_mc.detect._shared.rows import COMMON_COLUMNS, typed_frame
 from survey_mc.detect.detector import Detector
 from survey_mc.errors import SurveyError
 from survey_mc.types import Observation
@@ -18,6 +18,7 @@ from survey_mc.types import Observation
 ALWAYS_FINITE = ("x_pix", "y_pix", "offaxis_arcmin", "counts", "exposure_s", "background_per_pix", "significance")
 NEVER_NEGATIVE = ("x_err_pix", "y_err_pix", "counts_err", "flux_err_cgs", "exposure_s", "r50_arcsec", "offaxis_arcmin")
 KINDS_ALLOWED = {"int32": "iu", "int64": "iu", "float64": "fiu", "bool": "b", "string": "OUT"}
+DEFAULT_PROFILE = "paper"  # what a campaign starts from unless it names another
 
 
 class DetectorContractError(SurveyError):
@@ -30,6 +31,72 @@ class DetectorContractError(SurveyError):
 def declared_columns(detector: Detector) -> tuple[Column, ...]:
     """Columns of a procedure's detections: the common ones, then its own."""
     return COMMON_COLUMNS + detector.extra_columns
+
+
+def native_columns(detector: Detector) -> tuple[tuple[Column, str], ...]:
+    """Columns under the names of the original program, each with the declared column whose values it repeats."""
+    declared = {c.name: c for c in declared_columns(detector)}
+    return tuple(
+        (Column(native, same.dtype, f"{name}: {same.about}", same.unit, same.ucd), name)
+        for native, name in detector.native_names.items()
+        for same in (declared[name],)
+    )
+
+
+def record_problem(detector: Detector) -> str | None:
+    """What is wrong with a procedure's record, as a sentence."""
+    return _profile_problem(detector) or _column_problem(detector) or _flag_problem(detector)
+
+
+def _profile_problem(detector: Detector) -> str | None:
+    if not detector.name.isidentifier():
+        return f"name must be an identifier such as my_method (got {detector.name!r})"
+    if detector.version < 1:
+        return f"version must count from 1 (got {detector.version})"
+    for word in ("label", "about", "reference"):
+        if not getattr(detector, word).strip():
+            return f"{word} must say something (got an empty text)"
+    if DEFAULT_PROFILE not in detector.profiles:
+        return f"profiles must have {DEFAULT_PROFILE!r}, the set a campaign starts from (got {[*detector.profiles]})"
+    for name, params in (*detector.profiles.items(), ("tiny", detector.tiny)):
+        if not isinstance(params, detector.params):
+            return f"profile {name!r} must be {detector.params.__name__} (got {type(params).__name__})"
+    undescribed = [name for name, info in detector.params.model_fields.items() if not info.description]
+    if undescribed:
+        return f"every parameter needs a description with its unit (missing: {', '.join(undescribed)})"
+    if detector.params.model_config.get("extra") != "forbid" or not detector.params.model_config.get("frozen"):
+        return "params must be frozen and forbid unknown keys, as DetectorParams does"
+    return None
+
+
+def _column_problem(detector: Detector) -> str | None:
+    for column in detector.extra_columns:
+        if column.dtype not in KINDS_ALLOWED:
+            return f"extra column {column.name} must be one of {', '.join(KINDS_ALLOWED)} (got {column.dtype})"
+        if not column.about.strip():
+            return f"extra column {column.name} must say what it means"
+        if not column.name.isidentifier():
+            return f"extra column {column.name!r} must be an identifier"
+    declared = [c.name for c in declared_columns(detector)]
+    for native, name in detector.native_names.items():
+        if name not in declared:
+            return f"native name {native} must stand for a declared column (got {name!r})"
+    taken: dict[str, str] = {}
+    # FITS does not tell capitals from small letters: one name, one column.
+    for name in (REALISATION.name, *(c.name for c in SKY_COLUMNS_OF_CATALOGUE), *declared, *detector.native_names):
+        if name.lower() in taken:
+            return f"column names must differ in more than capitals ({taken[name.lower()]} and {name})"
+        taken[name.lower()] = name
+    return None
+
+
+def _flag_problem(detector: Detector) -> str | None:
+    for bit, meaning in detector.flag_bits.items():
+        if bit.bit_count() != 1 or not 0 < bit < 1 << 31:
+            return f"flag_bits must be single bits of an int32 (got {bit})"
+        if not meaning.strip():
+            return f"flag_bits must say what bit {bit} means"
+    return None
 
 
 def check_detections(detector: Detector, observation: Observation, frame: pd.DataFrame) -> pd.DataFrame:

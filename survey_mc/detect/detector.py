@@ -33,10 +33,10 @@ class Detector:
     version: part of the key of every result; raise it when answers change. detect(obs, params, rng) returns a frame
     with the columns of `columns.DETECTIONS` (without `realisation`) followed by `extra_columns`, zero rows if nothing
     was found, or a `Skip`. view(obs, params): the filtered image the procedure searches, for reports. profiles: named
-    sets of parameters ("paper", "modern"). tiny: parameters for quick contract tests. flag_bits: meaning of each bit of
-    the column `flags`. check(params, shape): raises ValueError if the parameters do not fit an image of that shape. native_names:
-    what the original program calls columns that mean the same in the same unit ({"SCTS": "counts"}); FITS catalogues
-    carry both.
+    sets of parameters; "paper" is the one a campaign starts from. tiny: parameters for quick contract tests.
+    flag_bits: meaning of each bit of the column `flags`. check(params, shape): raises ValueError if the parameters do
+    not fit an image of that shape. native_names: what the original program calls columns that mean the same in the
+    same unit ({"SCTS": "counts"}); FITS catalogues carry both.
     """
 
     name: str

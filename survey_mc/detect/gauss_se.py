@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from survey_mc.detect import _smoothing
-from survey_mc.detect._catalogue import SEP_COLUMNS, Search, catalogue
-from survey_mc.detect._exact_threshold import excess_threshold_map
-from survey_mc.detect._observed import granted_background, observed_pixels
-from survey_mc.detect._poisson_background import LEAST_BACKGROUND_PER_PIX, clipped_mean_background
-from survey_mc.detect._rows import COMMON_COLUMNS, empty_frame
-from survey_mc.detect._sep_chain import FLAG_BITS, SepParams, mesh_background
+from survey_mc.detect._sextractor.catalogue import SEP_COLUMNS, SEXTRACTOR_NAMES, Search, catalogue
+from survey_mc.detect._sextractor.sep_chain import FLAG_BITS, SepParams, mesh_background
+from survey_mc.detect._shared import smoothing
+from survey_mc.detect._shared.exact_threshold import excess_threshold_map
+from survey_mc.detect._shared.observed import granted_background, observed_pixels
+from survey_mc.detect._shared.poisson_background import LEAST_BACKGROUND_PER_PIX, clipped_mean_background
+from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
@@ -76,9 +76,9 @@ def filtered_image(observation: Observation, params: GaussSeParams) -> FloatImag
     observed = observed_pixels(observation)
     if not observed.any():
         return np.zeros(observation.counts.shape)
-    sigma_pix = _smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
     weight = weights(observation, observed, params)
-    return _smoothing.normalised_smoothing(observation.counts.astype(np.float64), weight, sigma_pix)
+    return smoothing.normalised_smoothing(observation.counts.astype(np.float64), weight, sigma_pix)
 
 
 def background_map(
@@ -87,7 +87,7 @@ def background_map(
     """Background of the smoothed image; mode: sep's. Units of the smoothed image."""
     if params.background == "sep_mode":
         return mode
-    sigma_pix = _smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
     observed = observed_pixels(observation)
     weight = weights(observation, observed, params)
     if params.background == "granted":
@@ -97,15 +97,15 @@ def background_map(
             observation.counts.astype(np.float64),
             observation.exposure_s,
             filtered * weight,
-            _smoothing.gaussian_kernel(sigma_pix),
+            smoothing.gaussian_kernel(sigma_pix),
             params.clip_box_pix,
         )
-    return _smoothing.normalised_smoothing(photons, weight, sigma_pix)
+    return smoothing.normalised_smoothing(photons, weight, sigma_pix)
 
 
 def search_image(observation: Observation, params: GaussSeParams, observed: BoolArray) -> Search:
     """Smoothed image, background, threshold and noise."""
-    sigma_pix = _smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
     masked = ~observed
     smoothed = filtered_image(observation, params)
     filtered = np.ascontiguousarray(smoothed, dtype=np.float32)
@@ -114,10 +114,10 @@ def search_image(observation: Observation, params: GaussSeParams, observed: Bool
     relative = weights(observation, observed, params) if params.divide_by_exposure else None
     exposure_share = np.ones((1, 1)) if relative is None else np.maximum(relative, LEAST_EXPOSURE_SHARE)
     photons_per_pix = np.maximum(background * exposure_share, LEAST_BACKGROUND_PER_PIX)
-    analytic = np.sqrt(photons_per_pix) * _smoothing.noise_norm(sigma_pix) / exposure_share
+    analytic = np.sqrt(photons_per_pix) * smoothing.noise_norm(sigma_pix) / exposure_share
     if params.threshold_kind == "poisson_exact":
         unit = analytic
-        kernel = _smoothing.gaussian_kernel(sigma_pix)
+        kernel = smoothing.gaussian_kernel(sigma_pix)
         threshold = excess_threshold_map(kernel, photons_per_pix, params.false_alarm) / exposure_share
     else:
         unit = analytic
@@ -126,8 +126,8 @@ def search_image(observation: Observation, params: GaussSeParams, observed: Bool
         elif params.rms == "sep_local":
             unit = np.asarray(mesh.rms(), dtype=np.float64)
         threshold = params.threshold_sigma * unit
-    edge = _smoothing.edge_noise_factor(observed, sigma_pix)
-    least = params.photons_min * _smoothing.peak_per_count(sigma_pix) / exposure_share
+    edge = smoothing.edge_noise_factor(observed, sigma_pix)
+    least = params.photons_min * smoothing.peak_per_count(sigma_pix) / exposure_share
     unit = np.where(unit > 0.0, unit, analytic)  # an rms of 0 is what sep says of an almost empty image
     return Search(
         filtered,
@@ -135,7 +135,7 @@ def search_image(observation: Observation, params: GaussSeParams, observed: Bool
         np.ascontiguousarray(np.maximum(threshold * edge, least), dtype=np.float32),
         np.ascontiguousarray(unit * edge, dtype=np.float32),
         masked,
-        _smoothing.gaussian_profile(sigma_pix),
+        smoothing.gaussian_profile(sigma_pix),
         sigma_pix,
         relative,
     )
@@ -167,4 +167,5 @@ DETECTOR = Detector(
     view=filtered_image,
     profiles={"paper": PAPER, "paper_clusters": CLUSTERS, "modern": MODERN},
     flag_bits=FLAG_BITS,
+    native_names=SEXTRACTOR_NAMES,
 )

@@ -16,12 +16,12 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from survey_mc.detect import _smoothing
-from survey_mc.detect._catalogue import SEP_COLUMNS, Search, catalogue
-from survey_mc.detect._mr1_params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
-from survey_mc.detect._observed import granted_background, observed_pixels
-from survey_mc.detect._rows import COMMON_COLUMNS, empty_frame
-from survey_mc.detect._sep_chain import FLAG_BITS, Float32Image, SepParams, mesh_background
+from survey_mc.detect._mr1.params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
+from survey_mc.detect._sextractor.catalogue import SEP_COLUMNS, SEXTRACTOR_NAMES, Search, catalogue
+from survey_mc.detect._sextractor.sep_chain import FLAG_BITS, Float32Image, SepParams, mesh_background
+from survey_mc.detect._shared import smoothing
+from survey_mc.detect._shared.observed import granted_background, observed_pixels
+from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
@@ -50,7 +50,7 @@ class Mr1SeParams(Mr1Params, SepParams):
 
 def restored(observation: Observation, observed: BoolArray, params: Mr1SeParams) -> Float32Image:
     """The filter's answer, counts per pixel."""
-    from survey_mc.detect._mr1 import restore  # numba: imported when it is first needed
+    from survey_mc.detect._mr1.filter import restore  # numba: imported when it is first needed
 
     return restore(filled_photons(observation, observed, params), params).image
 
@@ -60,8 +60,8 @@ def filled_photons(observation: Observation, observed: BoolArray, params: Mr1SeP
     photons = observation.counts.astype(np.float64)
     if observed.all():
         return photons
-    sigma_pix = _smoothing.sigma_pix_from_fwhm(FILL_FWHM_ARCSEC, observation.grid.scale_arcsec)
-    smoothed = _smoothing.normalised_smoothing(photons, observed.astype(np.float64), sigma_pix)
+    sigma_pix = smoothing.sigma_pix_from_fwhm(FILL_FWHM_ARCSEC, observation.grid.scale_arcsec)
+    smoothed = smoothing.normalised_smoothing(photons, observed.astype(np.float64), sigma_pix)
     mesh = mesh_background(np.ascontiguousarray(smoothed, dtype=np.float32), ~observed, params)
     return np.where(observed, photons, np.maximum(mesh.back(), 0.0))
 
@@ -125,5 +125,6 @@ DETECTOR = Detector(
     view=filtered_image,
     profiles={"paper": PAPER, "modern": MODERN},
     flag_bits=FLAG_BITS,
+    native_names=SEXTRACTOR_NAMES,
     check=check_scales,
 )

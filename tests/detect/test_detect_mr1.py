@@ -7,8 +7,9 @@ import pytest
 from detect_fields import BACKGROUND_10KS, BACKGROUND_100KS, TestPsf, photon_image
 from scipy import ndimage
 
-from survey_mc.detect import _atrous, _mr1
-from survey_mc.detect._mr1_params import Mr1Params, check_scales, largest_n_scales
+from survey_mc.detect._mr1 import atrous
+from survey_mc.detect._mr1 import filter as mr1
+from survey_mc.detect._mr1.params import Mr1Params, check_scales, largest_n_scales
 
 B3 = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 NDIMAGE_BORDER = {"mirror": "mirror", "nearest": "nearest"}
@@ -34,9 +35,9 @@ def planes_by_ndimage(image, n_planes, mode):
     return np.array(planes), smooth
 
 
-def transform_of(image, n_planes, border=_atrous.BORDER_MIRROR):
-    work = _atrous.Workspace.of(image.shape, n_planes)
-    smooth = _atrous.transform(image, work, border).copy()
+def transform_of(image, n_planes, border=atrous.BORDER_MIRROR):
+    work = atrous.Workspace.of(image.shape, n_planes)
+    smooth = atrous.transform(image, work, border).copy()
     return work, smooth
 
 
@@ -47,7 +48,7 @@ def noisy_image():
 
 @pytest.mark.parametrize("border", ["mirror", "nearest"])
 def test_transform_agrees_with_ndimage(noisy_image, border):
-    work, smooth = transform_of(noisy_image, 5, _mr1.BORDERS[border])
+    work, smooth = transform_of(noisy_image, 5, mr1.BORDERS[border])
     planes, last = planes_by_ndimage(noisy_image, 5, NDIMAGE_BORDER[border])
     np.testing.assert_allclose(work.planes, planes, atol=3e-6)
     np.testing.assert_allclose(smooth, last, atol=3e-6)
@@ -55,7 +56,7 @@ def test_transform_agrees_with_ndimage(noisy_image, border):
 
 def test_sum_of_the_planes_is_the_image(noisy_image):
     work, smooth = transform_of(noisy_image, 5)
-    rebuilt = _atrous.reconstruct(smooth, work, _atrous.BORDER_MIRROR, adjoint=False)
+    rebuilt = atrous.reconstruct(smooth, work, atrous.BORDER_MIRROR, adjoint=False)
     np.testing.assert_allclose(rebuilt, noisy_image, atol=5e-6)
 
 
@@ -68,7 +69,7 @@ def test_adjoint_reconstruction_is_the_transpose_of_the_transform():
     work.planes[:] = 0.0
     weights = rng.normal(size=(9, 9)).astype(np.float32)
     work.planes[2, 60:69, 60:69] = weights
-    rebuilt = _atrous.reconstruct(np.zeros_like(image), work, _atrous.BORDER_MIRROR).copy()
+    rebuilt = atrous.reconstruct(np.zeros_like(image), work, atrous.BORDER_MIRROR).copy()
     expected = planes_by_ndimage(image, 3, "mirror")[1] * 0.0
     kernel_sum = ndimage.convolve1d(
         np.pad(weights.astype(float), 60), np.array([1, 0, 4, 0, 6, 0, 4, 0, 1]) / 16, axis=0
@@ -82,7 +83,7 @@ def test_adjoint_reconstruction_is_the_transpose_of_the_transform():
 def test_kernel_norms():
     photon = np.zeros((257, 257))
     photon[128, 128] = 1.0
-    work, _ = transform_of(_mr1.project(photon, "mirror"), 6)
+    work, _ = transform_of(mr1.project(photon, "mirror"), 6)
     norms = [np.sqrt(np.square(plane.astype(np.float64)).sum()) for plane in work.planes]
     np.testing.assert_allclose(norms, KERNEL_NORMS, rtol=5e-4)
     np.testing.assert_allclose(work.planes[0].max(), 1.0 / 3.0, rtol=0.05)
@@ -92,7 +93,7 @@ def test_box_limits_follow_the_photons_in_the_box():
     photons = np.random.default_rng(4).poisson(0.3, (90, 70)).astype(np.float64)
     table = np.arange(5000, dtype=np.float64)
     lower, upper = np.empty((90, 70), np.float32), np.empty((90, 70), np.float32)
-    _atrous.box_counts_limits(photons, 8, _atrous.BORDER_MIRROR, -table, table, 1.0, lower, upper)
+    atrous.box_counts_limits(photons, 8, atrous.BORDER_MIRROR, -table, table, 1.0, lower, upper)
     counted = ndimage.uniform_filter(photons, 17, mode="mirror") * 17**2
     np.testing.assert_allclose(upper, np.rint(counted))
     np.testing.assert_allclose(lower, -np.rint(counted))
@@ -102,7 +103,7 @@ def test_limits_grow_as_the_root_of_n_beyond_the_table():
     photons = np.full((40, 40), 100.0)
     table = np.sqrt(np.arange(101, dtype=np.float64))
     lower, upper = np.empty((40, 40), np.float32), np.empty((40, 40), np.float32)
-    _atrous.box_counts_limits(photons, 2, _atrous.BORDER_MIRROR, -table, table, 1.0, lower, upper)
+    atrous.box_counts_limits(photons, 2, atrous.BORDER_MIRROR, -table, table, 1.0, lower, upper)
     np.testing.assert_allclose(upper, np.sqrt(2500.0))
 
 
@@ -110,7 +111,7 @@ def test_isolated_pixels_are_killed_unless_the_next_plane_holds_them():
     support = np.zeros((3, 20, 20), np.uint8)
     support[0, 5, 5] = support[0, 10, 10] = support[1, 10, 10] = support[2, 15, 15] = 1
     support[0, 2, 2:4] = 1
-    cleaned = _atrous.kill_isolated(support)
+    cleaned = atrous.kill_isolated(support)
     assert cleaned[0, 5, 5] == 0
     assert cleaned[0, 10, 10] == 1
     assert cleaned[1, 10, 10] == 0
@@ -120,10 +121,10 @@ def test_isolated_pixels_are_killed_unless_the_next_plane_holds_them():
 
 @pytest.mark.parametrize("reconstruction", ["sum", "adjoint"])
 def test_all_coefficients_kept_returns_the_image(reconstruction):
-    image = _mr1.project(np.random.default_rng(3).poisson(2.0, (128, 128)).astype(float), "mirror")
+    image = mr1.project(np.random.default_rng(3).poisson(2.0, (128, 128)).astype(float), "mirror")
     params = Mr1Params(n_scales=5, iterations=40, tolerance=1e-12, first_scale=1, reconstruction=reconstruction)
     support = np.ones((4, *image.shape), np.uint8)
-    restored = _mr1.iterate(image, support, np.zeros((1, 1, 1), np.float32), params)
+    restored = mr1.iterate(image, support, np.zeros((1, 1, 1), np.float32), params)
     np.testing.assert_allclose(restored.image, image, atol=0.02)
     assert restored.image.sum(dtype=float) == pytest.approx(image.sum(dtype=float), rel=1e-5)
 
@@ -131,12 +132,12 @@ def test_all_coefficients_kept_returns_the_image(reconstruction):
 def test_projection_conserves_photons_away_from_the_border():
     photons = np.zeros((40, 40))
     photons[10:30, 10:30] = np.random.default_rng(1).poisson(2.0, (20, 20))
-    assert _mr1.project(photons, "mirror").sum(dtype=float) == pytest.approx(photons.sum())
+    assert mr1.project(photons, "mirror").sum(dtype=float) == pytest.approx(photons.sum())
 
 
 def test_filter_conserves_the_photons():
     photons = photon_image(np.random.default_rng(9), 0.178, [(100, 120, 300.0)], n_pix=256).astype(float)
-    restored = _mr1.restore(photons, Mr1Params())
+    restored = mr1.restore(photons, Mr1Params())
     assert restored.image.sum(dtype=float) == pytest.approx(photons.sum(), rel=0.01)
 
 
@@ -148,7 +149,7 @@ def test_blank_sky_support_islands(background):
     params = Mr1Params(first_scale=1, kill_isolated=False)
     for _ in range(n_fields):
         photons = rng.poisson(background, (512, 512)).astype(float)
-        support, _ = _mr1.significant(_mr1.project(photons, "mirror"), photons, params)
+        support, _ = mr1.significant(mr1.project(photons, "mirror"), photons, params)
         islands += [ndimage.label(plane, np.ones((3, 3)))[1] for plane in support]
     expected = np.array(SUPPORT_ISLANDS[background])
     # The expected rates are themselves measured on 5 to 8 fields: 4σ of both Poisson errors, and 15 % for the
@@ -171,8 +172,8 @@ def test_detection_limits_of_the_planes(background):
 
     def signal_to_limit(counts):
         photons = background + counts * source
-        work, _ = transform_of(_mr1.project(photons, "mirror"), 5)
-        limits = [_mr1.photon_limits(photons, s, Mr1Params())[1][half, half] for s in range(5)]
+        work, _ = transform_of(mr1.project(photons, "mirror"), 5)
+        limits = [mr1.photon_limits(photons, s, Mr1Params())[1][half, half] for s in range(5)]
         return work.planes[:, half, half] / np.array(limits)
 
     for plane, limit in enumerate(DETECTION_LIMITS[background]):
@@ -182,27 +183,27 @@ def test_detection_limits_of_the_planes(background):
 
 def test_growing_support_keeps_more():
     photons = photon_image(np.random.default_rng(10), 0.178, [(60, 60, 60.0)], n_pix=128).astype(float)
-    fixed = _mr1.restore(photons, Mr1Params(n_scales=5))
-    grown = _mr1.restore(photons, Mr1Params(n_scales=5, grow_support=True))
+    fixed = mr1.restore(photons, Mr1Params(n_scales=5))
+    grown = mr1.restore(photons, Mr1Params(n_scales=5, grow_support=True))
     assert grown.support.sum() >= fixed.support.sum()
     assert np.all(grown.support >= fixed.support)
 
 
 def test_support_has_no_plane_finer_than_the_first_scale():
     photons = photon_image(np.random.default_rng(10), 0.178, [(60, 60, 500.0)], n_pix=128).astype(float)
-    restored = _mr1.restore(photons, Mr1Params(n_scales=5, first_scale=3))
+    restored = mr1.restore(photons, Mr1Params(n_scales=5, first_scale=3))
     assert restored.support[:2].sum() == 0
     assert restored.support[2:].sum() > 0
 
 
 def test_suppressed_last_scale_leaves_an_empty_sky():
     photons = np.full((128, 128), 1.0)
-    assert _mr1.restore(photons, Mr1Params(n_scales=4, suppress_last_scale=True)).image.max() == 0.0
+    assert mr1.restore(photons, Mr1Params(n_scales=4, suppress_last_scale=True)).image.max() == 0.0
 
 
 def test_filter_is_deterministic():
     photons = photon_image(np.random.default_rng(10), 1.78, [(60, 60, 500.0)], n_pix=128).astype(float)
-    first, second = _mr1.restore(photons, Mr1Params(n_scales=5)), _mr1.restore(photons, Mr1Params(n_scales=5))
+    first, second = mr1.restore(photons, Mr1Params(n_scales=5)), mr1.restore(photons, Mr1Params(n_scales=5))
     assert first.image.tobytes() == second.image.tobytes()
 
 
@@ -219,4 +220,4 @@ def test_first_scale_beyond_the_planes_is_refused_by_name():
 def test_largest_scales_still_run():
     photons = np.random.default_rng(1).poisson(1.0, (65, 80)).astype(float)
     n_scales = largest_n_scales(photons.shape)
-    assert np.all(np.isfinite(_mr1.restore(photons, Mr1Params(n_scales=n_scales)).image))
+    assert np.all(np.isfinite(mr1.restore(photons, Mr1Params(n_scales=n_scales)).image))

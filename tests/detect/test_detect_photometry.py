@@ -8,10 +8,11 @@ import sep
 from detect_fields import TestPsf, observe, photon_image
 from scipy import ndimage
 
-from survey_mc.detect import _photometry, _sep_chain, gauss_se
-from survey_mc.detect._aperture_correction import aperture_fraction, smoothed_encircled_energy
-from survey_mc.detect._catalogue import aperture_values
-from survey_mc.detect._sep_chain import SepParams
+from survey_mc.detect import gauss_se
+from survey_mc.detect._sextractor import photometry, sep_chain
+from survey_mc.detect._sextractor.aperture_correction import aperture_fraction, smoothed_encircled_energy
+from survey_mc.detect._sextractor.catalogue import aperture_values
+from survey_mc.detect._sextractor.sep_chain import SepParams
 
 
 def gaussian_image(sources, n_pix=120):
@@ -27,7 +28,7 @@ def gaussian_image(sources, n_pix=120):
 def extraction(image, threshold=0.2, **changes):
     params = SepParams(**changes)
     unmasked = np.zeros(image.shape, bool)
-    found = _sep_chain.extract(image, np.full(image.shape, threshold, np.float32), unmasked, params)
+    found = sep_chain.extract(image, np.full(image.shape, threshold, np.float32), unmasked, params)
     return found, aperture_values(image, image, image, unmasked, found, params)
 
 
@@ -80,18 +81,18 @@ def test_pixels_of_a_mask_count_as_their_mirror_image():
     image = gaussian_image([(60.0, 60.0, 1000.0, 2.0, 2.0)])
     params = SepParams()
     masked = np.zeros(image.shape, bool)
-    found = _sep_chain.extract(image, np.full(image.shape, 0.2, np.float32), masked, params)
+    found = sep_chain.extract(image, np.full(image.shape, 0.2, np.float32), masked, params)
     whole = aperture_values(image, image, image, masked, found, params)
     masked[:, 63:65] = True
     holed = aperture_values(image, image, image, masked, found, params)
     assert holed["counts"][0] == pytest.approx(whole["counts"][0], rel=0.02)
-    assert holed["flags"][0] & _sep_chain.FLAG_APERTURE_MASKED
+    assert holed["flags"][0] & sep_chain.FLAG_APERTURE_MASKED
 
 
 def test_light_that_is_not_positive_is_flagged_and_gets_the_smallest_aperture():
     image = gaussian_image([(60.0, 60.0, 50.0, 1.5, 1.5)]) - np.float32(1.5)
     _, values = extraction(image)
-    assert values["flags"][0] & _sep_chain.FLAG_NON_POSITIVE
+    assert values["flags"][0] & sep_chain.FLAG_NON_POSITIVE
     assert values["kron_radius"][0] == pytest.approx(3.5 / 2.5)
 
 
@@ -99,7 +100,7 @@ def test_half_light_radius_of_nothing_is_nan():
     image = gaussian_image([(60.0, 60.0, 50.0, 1.5, 1.5)])
     sky = np.zeros(image.shape, np.int32), np.zeros(image.shape, bool)
     centre, major = np.array([[60.0, 60.0], [20.0, 20.0]]), np.ones(2)
-    radii = _photometry.half_light_radii(image, *sky, centre, major, np.array([-1.0, 10.0]), 6.0, _photometry.IGNORE)
+    radii = photometry.half_light_radii(image, *sky, centre, major, np.array([-1.0, 10.0]), 6.0, photometry.IGNORE)
     assert np.isnan(radii).all()
 
 
@@ -116,20 +117,20 @@ def test_overflow_raises_the_limits_for_one_call_and_puts_them_back(monkeypatch)
         assert sep.get_sub_object_limit() == 64
     finally:
         sep.set_sub_object_limit(before[1])
-    assert found.flags == _sep_chain.FLAG_LIMITS_RAISED
+    assert found.flags == sep_chain.FLAG_LIMITS_RAISED
     assert len(found.objects) > 200
     assert sep.get_extract_pixstack() == before[0]
 
 
 def test_hopeless_overflow_gives_up_deblending_not_the_field(monkeypatch):
-    monkeypatch.setattr(_sep_chain, "RAISED_SUB_OBJECTS", 32)
+    monkeypatch.setattr(sep_chain, "RAISED_SUB_OBJECTS", 32)
     before = sep.get_sub_object_limit()
     sep.set_sub_object_limit(16)
     try:
         found, values = extraction(crowded_image(), threshold=0.1)
     finally:
         sep.set_sub_object_limit(before)
-    assert found.flags & _sep_chain.FLAG_NOT_DEBLENDED
+    assert found.flags & sep_chain.FLAG_NOT_DEBLENDED
     assert np.all(np.isfinite(values["counts"]))
 
 
@@ -141,14 +142,14 @@ def test_full_pixel_buffer_is_cured():
         assert sep.get_extract_pixstack() == 1000
     finally:
         sep.set_extract_pixstack(before)
-    assert found.flags & _sep_chain.FLAG_LIMITS_RAISED
+    assert found.flags & sep_chain.FLAG_LIMITS_RAISED
 
 
 def test_other_errors_of_sep_are_not_swallowed(monkeypatch):
     def broken(*args, **kwargs):
         raise Exception("memory is gone")
 
-    monkeypatch.setattr(_sep_chain.sep, "extract", broken)
+    monkeypatch.setattr(sep_chain.sep, "extract", broken)
     with pytest.raises(Exception, match="memory is gone"):
         extraction(crowded_image())
 

@@ -9,7 +9,8 @@ import pytest
 from detect_fields import BACKGROUND_10KS, BACKGROUND_100KS, grid_positions, observe, photon_image
 from scipy import ndimage
 
-from survey_mc.detect import DETECTORS, _smoothing
+from survey_mc.detect import DETECTORS
+from survey_mc.detect._shared import smoothing
 from survey_mc.detect.gauss_se import GaussSeParams
 from survey_mc.detect.mr1_se import Mr1SeParams
 
@@ -45,8 +46,8 @@ def test_false_detections_of_blank_sky(name, background):
 )
 def test_islands_above_four_sigma_of_smoothed_blank_sky(fwhm_arcsec, background, islands, large):
     rng = np.random.default_rng(202)
-    sigma_pix = _smoothing.sigma_pix_from_fwhm(fwhm_arcsec, 4.0)
-    threshold = background + 4.0 * math.sqrt(background) * _smoothing.noise_norm(sigma_pix)
+    sigma_pix = smoothing.sigma_pix_from_fwhm(fwhm_arcsec, 4.0)
+    threshold = background + 4.0 * math.sqrt(background) * smoothing.noise_norm(sigma_pix)
     n_fields, found, big = 8, 0, 0
     for _ in range(n_fields):
         image = ndimage.gaussian_filter(photon_image(rng, background).astype(float), sigma_pix, mode="mirror")

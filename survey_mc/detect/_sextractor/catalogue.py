@@ -15,9 +15,8 @@ import numpy as np
 import pandas as pd
 
 from survey_mc.columns import Column
-from survey_mc.detect._aperture_correction import aperture_fraction
-from survey_mc.detect._rows import COMMON_COLUMNS, Values, empty_frame, ordered_frame, rates_and_fluxes
-from survey_mc.detect._sep_chain import (
+from survey_mc.detect._sextractor.aperture_correction import aperture_fraction
+from survey_mc.detect._sextractor.sep_chain import (
     FLAG_APERTURE_MASKED,
     FLAG_APERTURE_TRUNCATED,
     FLAG_KRON_CLIPPED,
@@ -27,6 +26,7 @@ from survey_mc.detect._sep_chain import (
     SepParams,
     extract,
 )
+from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, empty_frame, ordered_frame, rates_and_fluxes
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
 
 SEP_COLUMNS = (
@@ -42,6 +42,20 @@ SEP_COLUMNS = (
     Column("threshold_per_pix", "float64", "detection threshold above the background there", "count", "instr.det"),
     Column("sep_flag", "int32", "flag of the extraction as sep returns it", ucd="meta.code.qual"),
 )
+
+# What SExtractor calls the same quantity in the same unit; KRON_RADIUS, ELLIPTICITY and FLAGS differ in capitals only.
+SEXTRACTOR_NAMES = {
+    "FLUX_AUTO": "counts",
+    "FLUXERR_AUTO": "counts_err",
+    "BACKGROUND": "background_per_pix",
+    "A_IMAGE": "a_pix",
+    "B_IMAGE": "b_pix",
+    "THETA_IMAGE": "theta_deg",
+    "ISOAREA_IMAGE": "isoarea_pix",
+    "FLUX_ISO": "iso_counts",
+    "FLUX_MAX": "peak_per_pix",
+    "THRESHOLD": "threshold_per_pix",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +120,9 @@ def isophotal_values(observation: Observation, search: Search, signal: Float32Im
 
 def barycentre_variances(search: Search, signal: Float32Image, found: Extraction) -> FloatArray:
     """Photon-noise variances (n, 2) of the barycentres, pix²."""
-    from survey_mc.detect._centroid_errors import barycentre_variance  # numba: imported when it is first needed
+    from survey_mc.detect._sextractor.centroid_errors import (
+        barycentre_variance,  # numba: imported when it is first needed
+    )
 
     objects = found.objects
     box = np.stack([objects[name] for name in ("xmin", "xmax", "ymin", "ymax")], axis=1).astype(np.int64)
@@ -170,7 +186,7 @@ def aperture_values(
     params: SepParams,
 ) -> Values:
     """Kron radius (always of the filtered image), sums in the Kron aperture, half-light radius (pix), flag bits."""
-    from survey_mc.detect import _photometry as kernels  # numba: imported when it is first needed
+    from survey_mc.detect._sextractor import photometry as kernels  # numba: imported when it is first needed
 
     objects = found.objects
     policy = {"ignore": kernels.IGNORE, "blank": kernels.BLANK, "mirror": kernels.MIRROR}[params.neighbours]

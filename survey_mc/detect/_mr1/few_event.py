@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtri
 
-from survey_mc.detect._exact_threshold import STD_SPAN, WEIGHT_SPAN, split_histogram, tail_crossing
+from survey_mc.detect._shared.exact_threshold import STD_SPAN, WEIGHT_SPAN, split_histogram, tail_crossing
 from survey_mc.types import FloatArray
 
 SUPPORT_PIX = 4.0  # the mother wavelet lives on [−4, 4]²

@@ -4,7 +4,7 @@ Idea     average the raw photons in a moving box, leaving out pixels where the s
          threshold for the background so far; repeat. Within the box the background follows the exposure. A mean stays
          unbiased where the mode of a skewed distribution does not: at 0.18 counts per pixel the mode of the image
          smoothed with 12″ is 15 % low.
-Source   exact threshold: characteristic function of the smoothed Poisson field (`_exact_threshold`).
+Source   exact threshold: characteristic function of the smoothed Poisson field (`_shared.exact_threshold`).
 Limits   wings and sources below the clip count as background, so the box must be wider than the sources; the clip
          itself lowers the mean by less than 1 %. A background that is not vignetted like the exposure is followed box
          by box only.
@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from survey_mc.detect._exact_threshold import excess_threshold_map
+from survey_mc.detect._shared.exact_threshold import excess_threshold_map
 from survey_mc.types import BoolArray, FloatArray, FloatImage
 
 CLIP_TAIL = 3e-4

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
-from survey_mc.detect import _atrous
-from survey_mc.detect._few_event import coefficient_limits
-from survey_mc.detect._mr1_params import PROJECTION, BorderName, Mr1Params, check_scales
+from survey_mc.detect._mr1 import atrous
+from survey_mc.detect._mr1.few_event import coefficient_limits
+from survey_mc.detect._mr1.params import PROJECTION, BorderName, Mr1Params, check_scales
 from survey_mc.types import FloatImage
 
-BORDERS = {"mirror": _atrous.BORDER_MIRROR, "nearest": _atrous.BORDER_NEAREST}
+BORDERS = {"mirror": atrous.BORDER_MIRROR, "nearest": atrous.BORDER_NEAREST}
 KEEP_ALL_LIMITS = np.zeros((1, 1, 1), np.float32)
 
 
@@ -47,7 +47,7 @@ def photon_limits(
     """Lower and upper limit of every coefficient of one wavelet plane (0 = finest)."""
     lower_table, upper_table = coefficient_limits(params.significance, params.min_events)
     lower, upper = np.empty(photons.shape, np.float32), np.empty(photons.shape, np.float32)
-    _atrous.box_counts_limits(
+    atrous.box_counts_limits(
         photons, 2 ** (scale + 2), BORDERS[params.border], lower_table, upper_table, 0.25**scale, lower, upper
     )
     return lower, upper
@@ -57,8 +57,8 @@ def significant(
     projected: NDArray[np.float32], photons: FloatImage, params: Mr1Params
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """Support (n_planes, ny, nx) of 0/1, and the |limits| for a growing support (a dummy if it is fixed)."""
-    work = _atrous.Workspace.of(projected.shape, params.n_scales - 1)
-    _atrous.transform(projected, work, BORDERS[params.border])
+    work = atrous.Workspace.of(projected.shape, params.n_scales - 1)
+    atrous.transform(projected, work, BORDERS[params.border])
     planes = work.planes
     support = np.zeros(planes.shape, np.uint8)
     limits = np.empty(planes.shape, np.float32) if params.grow_support else KEEP_ALL_LIMITS
@@ -69,7 +69,7 @@ def significant(
         if params.grow_support:
             limits[s] = np.maximum(-lower, upper)
     if params.kill_isolated:
-        support = _atrous.kill_isolated(support)
+        support = atrous.kill_isolated(support)
     return support, limits
 
 
@@ -86,17 +86,17 @@ def iterate(
 ) -> Restored:
     """S ← S + rec(M · w(I − S)) with the support M, until Σ(I − S)² settles."""
     border, first, adjoint = BORDERS[params.border], params.first_scale - 1, params.reconstruction == "adjoint"
-    work = _atrous.Workspace.of(image.shape, len(support))
+    work = atrous.Workspace.of(image.shape, len(support))
     solution, residual = np.zeros_like(image), image.copy()
     energy_before, change, done = float(np.square(image.astype(np.float64)).sum()), np.inf, 0
     while done < params.iterations and abs(change) >= params.tolerance:
-        smooth = _atrous.transform(residual, work, border, first, None if params.grow_support else support)
+        smooth = atrous.transform(residual, work, border, first, None if params.grow_support else support)
         if params.grow_support:
             grow(support, limits, work.planes, params)
         if params.suppress_last_scale:
             smooth[:] = 0.0
-        correction = _atrous.reconstruct(smooth, work, border, first, adjoint)
-        energy = _atrous.update_solution(image, correction, params.positive_image, solution, residual)
+        correction = atrous.reconstruct(smooth, work, border, first, adjoint)
+        energy = atrous.update_solution(image, correction, params.positive_image, solution, residual)
         change = (energy_before - energy) / image.size
         energy_before, done = energy, done + 1
     return Restored(solution, support, done, change)

@@ -1,0 +1,1 @@
+"""The MR/1 multiresolution filter."""

@@ -1,0 +1,1 @@
+"""SExtractor's chain, the common end of the mixed procedures."""
