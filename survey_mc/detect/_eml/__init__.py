@@ -1,0 +1,1 @@
+"""The stages of EMLDETECT: sliding cell, background, maximum-likelihood fits."""
