@@ -1,0 +1,1 @@
+"""The stages of WAVDETECT: transform, thresholds, source cells."""
