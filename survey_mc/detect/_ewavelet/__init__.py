@@ -1,0 +1,1 @@
+"""The stages of EWAVELET: transform, background ring, Gaussian sources."""
