@@ -2,7 +2,7 @@
 
 The names below are the public interface; they load what they need when they are first used, so that the import itself
 is quick. The rooms of the package are `sky`, `telescope`, `detect`, `match`, `stats`, `campaign`, `store`, `run`,
-`report` and `fits`.
+`report`, `fits` and `testing`, the conformance kit for detection procedures.
 """
 
 from __future__ import annotations

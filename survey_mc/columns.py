@@ -131,3 +131,17 @@ LINKS = Table("links", "All candidate pairs inside the link radius, and all pair
     Column("n_photons", "int32", "photons of the source inside the detection's aperture", "count", "phot.count"),
     Column("in_list", "bool", "the source is above the count limit of the input list"),
 ))  # fmt: skip
+
+# What a catalogue file adds to the detections: sky coordinates where the image has them, and FITS pixels.
+RA = Column("RA", "float64", "right ascension, ICRS", "deg", "pos.eq.ra;meta.main")
+DEC = Column("DEC", "float64", "declination, ICRS", "deg", "pos.eq.dec;meta.main")
+RADEC_ERR = Column(
+    "RADEC_ERR", "float64", "1σ position error, quadratic sum of both coordinates", "arcsec", "stat.error;pos.eq"
+)
+X_IMAGE = Column(
+    "X_IMAGE", "float64", "FITS pixel position, first pixel centre at 1", "pixel", "pos.cartesian.x;instr.det"
+)
+Y_IMAGE = Column(
+    "Y_IMAGE", "float64", "FITS pixel position, first pixel centre at 1", "pixel", "pos.cartesian.y;instr.det"
+)
+SKY_COLUMNS_OF_CATALOGUE = (RA, DEC, RADEC_ERR, X_IMAGE, Y_IMAGE)

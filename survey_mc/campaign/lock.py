@@ -18,12 +18,13 @@ _LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", 
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of everything that a result may depend on."""
+    """Versions of everything that a result may depend on, packages with procedures of their own among them."""
     return {
         "survey_mc": __version__,
         "python": platform.python_version(),
         "machine": platform.machine(),
         **{name: version(name) for name in _LIBRARIES},
+        **DETECTORS.packages,
     }
 
 
@@ -43,6 +44,7 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
                 "label": m.label,
                 "version": DETECTORS[m.name].version,
                 "reference": DETECTORS[m.name].reference,
+                "package": DETECTORS.origin(m.name) or f"survey-mc {__version__}",
                 "params": m.params.model_dump(mode="json"),
             }
             for m in campaign.method

@@ -44,7 +44,7 @@ def reference() -> str:
     parts.append("## Relations for `model` of lognlogs\n\n" + "\n".join(f"- `{r.name}`: {r.about}" for r in RELATIONS))
     parts += _section("[grid]", Grid, "")
     parts += _section("[[method]]", MethodChoice, "")
-    for detector in DETECTORS:
+    for detector in DETECTORS.built_in:  # the page is the same wherever it is written
         about = f"{_sentence(detector.about)} {_sentence(detector.reference)} Profiles: {', '.join(detector.profiles)}."
         parts += _section(f'params of method "{detector.name}" ({detector.label})', detector.params, about)
     parts += _section("[match]", MatchParams, "")

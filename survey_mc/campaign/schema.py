@@ -95,7 +95,7 @@ class MethodChoice(_Strict):
     @classmethod
     def _known(cls, name: str) -> str:
         if name not in DETECTORS:
-            raise ValueError(str(UnknownName("method", name, DETECTORS.names)))
+            raise ValueError(str(DETECTORS.why_not(name, "method")))
         return name
 
     @field_validator("profile")

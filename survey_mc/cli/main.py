@@ -14,6 +14,7 @@ import click
 
 from survey_mc import __version__
 from survey_mc.cli.campaign_verbs import CAMPAIGN_VERBS
+from survey_mc.cli.detector_verbs import check_detector
 from survey_mc.cli.image_verbs import IMAGE_VERBS
 from survey_mc.cli.run_verbs import RUN_VERBS
 from survey_mc.cli.show import show
@@ -36,7 +37,7 @@ def cli() -> None:
     """
 
 
-for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, show):
+for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, show, check_detector):
     cli.add_command(verb)
 
 

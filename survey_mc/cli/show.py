@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import click
@@ -26,29 +27,62 @@ def show(topic: str, as_json: bool) -> None:
             click.echo(f"    {line}")
 
 
+def _parameters(model: Any) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "default": "required" if info.is_required() else info.get_default(call_default_factory=True),
+            "about": info.description or "",
+        }
+        for name, info in model.model_fields.items()
+    ]
+
+
 def _parameter_lines(model: Any) -> list[str]:
-    lines = []
-    for name, info in model.model_fields.items():
-        default = "required" if info.is_required() else repr(info.get_default(call_default_factory=True))
-        lines.append(f"{name} = {default}   {info.description or ''}")
-    return lines
+    return [
+        f"{p['name']} = {p['default'] if p['default'] == 'required' else repr(p['default'])}   {p['about']}"
+        for p in _parameters(model)
+    ]
 
 
 def _methods() -> dict[str, Any]:
     from survey_mc.detect import DETECTORS
 
+    for problem in DETECTORS.refused.values():
+        click.echo(f"warning: {problem}", err=True)
+    return {d.name: _method(d, DETECTORS.origin(d.name)) for d in DETECTORS}
+
+
+def _method(d: Any, package: str) -> dict[str, Any]:
+    """A procedure as lines for people and as fields for machines."""
+    profiles = {name: params.model_dump(mode="json") for name, params in d.profiles.items()}
+    changed = {name: _changes(d.profiles.get("paper"), params) for name, params in d.profiles.items()}
     return {
-        d.name: {
-            "about": f"{d.label}, version {d.version}: {d.about}",
-            "lines": [
-                f"reference: {d.reference}",
-                f"profiles: {', '.join(d.profiles)}",
-                *_parameter_lines(d.params),
-                *(f"flags {bit}: {meaning}" for bit, meaning in d.flag_bits.items()),
-            ],
-        }
-        for d in DETECTORS
+        "about": f"{d.label}, version {d.version}: {d.about}",
+        "lines": [
+            f"reference: {d.reference}",
+            *([f"package: {package}"] if package else []),
+            *(f"profile {name}{': ' if changed[name] else ''}{changed[name]}" for name in profiles),
+            *_parameter_lines(d.params),
+            *(f"flags {bit}: {meaning}" for bit, meaning in d.flag_bits.items()),
+        ],
+        "label": d.label,
+        "version": d.version,
+        "reference": d.reference,
+        "package": package,
+        "profiles": profiles,
+        "parameters": _parameters(d.params),
+        "flags": {str(bit): meaning for bit, meaning in d.flag_bits.items()},
+        "native_names": dict(d.native_names),
     }
+
+
+def _changes(paper: Any, params: Any) -> str:
+    """The parameters of a profile that are not those of "paper"."""
+    if paper is params:
+        return ""
+    before = paper.model_dump() if paper is not None else {}
+    return ", ".join(f"{name} = {value!r}" for name, value in params.model_dump().items() if before.get(name) != value)
 
 
 def _instruments() -> dict[str, Any]:
@@ -78,17 +112,22 @@ def _relations() -> dict[str, Any]:
 
 
 def _columns() -> dict[str, Any]:
-    from survey_mc.columns import DETECTIONS, LINKS, MATCHES, TRUTH
-    from survey_mc.detect import DETECTORS
+    from survey_mc.columns import DETECTIONS, LINKS, MATCHES, SKY_COLUMNS_OF_CATALOGUE, TRUTH
+    from survey_mc.detect import DETECTORS, native_columns
     from survey_mc.report import REPORT_TABLES
 
     tables = {t.name: (t.about, t.columns) for t in (TRUTH, DETECTIONS, MATCHES, LINKS, *REPORT_TABLES)}
+    tables["detections in a FITS catalogue, further columns"] = ("sky and FITS pixels", SKY_COLUMNS_OF_CATALOGUE)
     for d in DETECTORS:
         tables[f"detections of {d.name}, further columns"] = (d.label, d.extra_columns)
+        if d.native_names:
+            native = tuple(column for column, _ in native_columns(d))
+            tables[f"detections of {d.name} in a FITS catalogue, further names"] = (d.label, native)
     return {
         name: {
             "about": about,
             "lines": [f"{c.name} ({c.dtype}{', ' + c.unit if c.unit else ''}): {c.about}" for c in columns],
+            "columns": [asdict(c) for c in columns],
         }
         for name, (about, columns) in tables.items()
     }

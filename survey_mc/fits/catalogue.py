@@ -1,7 +1,8 @@
 """Detections as a FITS catalogue, and back.
 
-Idea     the columns every procedure shares, then its own, then sky and FITS pixel coordinates; each with unit, UCD
-         and meaning in the header, so that TOPCAT and astropy show them.
+Idea     sky and FITS pixel coordinates, the columns every procedure shares, its own, and those that the original
+         program calls otherwise once more under its name; each with unit, UCD and meaning in the header, so that
+         TOPCAT and astropy show them.
 Source   IVOA UCD1+; XMM-Newton RADEC_ERR: the quadratic sum of both coordinate errors.
 Limits   x_pix, y_pix count the first pixel centre as 0, X_IMAGE, Y_IMAGE as 1 (SExtractor, DS9); RA, DEC are there only
          if the image has a WCS. No date is written: equal results are equal bytes.
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from survey_mc.columns import DETECTIONS, REALISATION, Column
+from survey_mc.columns import DEC, RA, RADEC_ERR, X_IMAGE, Y_IMAGE, Column
+from survey_mc.detect.contract import declared_columns, native_columns
 from survey_mc.detect.detector import Detector, DetectorParams
 from survey_mc.errors import BadInput
 from survey_mc.fits.container import quiet, read_hdu
@@ -37,18 +39,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 EXTENSION = "DETECTIONS"
-
-RA = Column("RA", "float64", "right ascension, ICRS", "deg", "pos.eq.ra;meta.main")
-DEC = Column("DEC", "float64", "declination, ICRS", "deg", "pos.eq.dec;meta.main")
-RADEC_ERR = Column(
-    "RADEC_ERR", "float64", "1σ position error, quadratic sum of both coordinates", "arcsec", "stat.error;pos.eq"
-)
-X_IMAGE = Column(
-    "X_IMAGE", "float64", "FITS pixel position, first pixel centre at 1", "pixel", "pos.cartesian.x;instr.det"
-)
-Y_IMAGE = Column(
-    "Y_IMAGE", "float64", "FITS pixel position, first pixel centre at 1", "pixel", "pos.cartesian.y;instr.det"
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,15 +64,16 @@ def write_catalogue(
 ) -> None:
     """Write detections (`columns.DETECTIONS` without realisation, then the detector's own columns) as a FITS table.
 
-    facts: what is known of the image, for the header. Zero rows are written as a table of zero rows. Raises `BadInput`
-    if the file exists (without overwrite) or cannot be written.
+    Columns with a native name are there under both. facts: what is known of the image, for the header. Zero rows are
+    written as a table of zero rows. Raises `BadInput` if the file exists (without overwrite) or cannot be written.
     """
     from astropy.io import fits
 
     check_target(path, overwrite)
-    shared = tuple(column for column in DETECTIONS.columns if column is not REALISATION)
     frame, sky = _with_sky(detections, observation)
-    unit = table_unit(EXTENSION, (*sky, *shared, *detector.extra_columns), frame)
+    native = native_columns(detector)
+    frame = frame.assign(**{column.name: frame[name] for column, name in native})
+    unit = table_unit(EXTENSION, (*sky, *declared_columns(detector), *(column for column, _ in native)), frame)
     if observation.grid.wcs is not None:
         unit.header["RADESYS"] = "ICRS"
     for key, value, comment in _cards(detector, params, observation, facts or ImageFacts()):

@@ -11,6 +11,7 @@ from astropy.io import fits
 from small_campaigns import MR1, TEXT
 
 from survey_mc.cli import main
+from survey_mc.detect import DETECTORS
 from survey_mc.fits import read_catalogue, read_counts_image
 from survey_mc.run import simulate_field
 from survey_mc.store import RunLayout, run_lock
@@ -90,6 +91,7 @@ def test_a_bad_campaign_leaves_with_2_one_sentence_and_nothing_written(
         ("verify", "OUT"),
         ("replay", "OUT"),
         ("show", "nothing"),
+        ("check-detector",),
         ("detect", "OUT", "--out", "OUT"),
     ],
     ids=" ".join,
@@ -235,6 +237,39 @@ def test_show_lists_what_there_is(capsys: pytest.CaptureFixture[str], topic: str
 
     assert code == 0
     assert len(json.loads(out)) >= 1
+
+
+def test_show_methods_tells_all_there_is_to_choose(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = call(capsys, "show", "methods")[1].splitlines()
+    shown = json.loads(call(capsys, "show", "methods", "--json")[1])
+
+    assert set(shown) == {detector.name for detector in DETECTORS}
+    for name, entry in shown.items():
+        detector = DETECTORS[name]
+        assert (entry["label"], entry["version"]) == (detector.label, detector.version)
+        assert entry["reference"] == detector.reference
+        assert f"{name}: {detector.label}, version {detector.version}: {detector.about}" in lines
+        assert f"    reference: {detector.reference}" in lines
+        assert {p["name"] for p in entry["parameters"]} == set(detector.params.model_fields)
+        assert all(p["about"] for p in entry["parameters"])
+        assert entry["profiles"]["paper"] == detector.profiles["paper"].model_dump(mode="json")
+    assert "    profile paper_clusters: minarea_pix = 16, fwhm_arcsec = 20.0" in lines
+
+
+def test_show_columns_tells_the_own_and_the_native_columns_of_every_procedure(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, out, _ = call(capsys, "show", "columns")
+    shown = json.loads(call(capsys, "show", "columns", "--json")[1])
+
+    assert code == 0
+    assert "    FLUX_AUTO (float64, count): counts: source counts measured by the procedure" in out.splitlines()
+    for detector in DETECTORS:
+        own = shown[f"detections of {detector.name}, further columns"]["columns"]
+        assert [column["name"] for column in own] == [column.name for column in detector.extra_columns]
+        if detector.native_names:
+            native = shown[f"detections of {detector.name} in a FITS catalogue, further names"]["columns"]
+            assert [column["name"] for column in native] == list(detector.native_names)
 
 
 def test_the_schema_describes_the_campaigns_of_the_project(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,300 +1,64 @@
-"""Behaviour that every procedure must show, whatever it does inside."""
+"""Behaviour that every procedure must show, whatever it does inside: the claims of the conformance kit.
+
+Bounds are the kit's, or narrower ones for procedures that are better than it asks; a wider one needs a reason here.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
-from detect_fields import EXPOSURE_S, FLUX_PER_RATE_CGS, grid_positions, observe, photon_image
+from detect_fields import BACKGROUND_10KS, grid_positions, observe, photon_image
 
-from survey_mc.detect import DETECTORS, check_detections
-from survey_mc.detect.gauss_se import GaussSeParams
-from survey_mc.detect.mr1_se import Mr1SeParams
+from survey_mc import testing
+from survey_mc.detect import DETECTORS, Detector, check_detections
 
-MESH_PIX = 32
-EDGE_PIX = 40  # background meshes and mirrored borders differ within this distance of the border
+# Isophotal barycentres: 16 sources of 2000 photons know the mean to 0.02 pixels, and whole background meshes and
+# quarter turns change nothing but rounding.
+ISOPHOTAL = testing.Tolerances(
+    bias_pix=0.08, same_pix=0.15, same_errors=0.0, same_counts=0.05, single_photon_rows=0, counts_ratio=(0.7, 1.05)
+)
+# A percolated group follows the photons into the wings, and at the border into cells that are cut by it: VTP centroids
+# are off by up to 3 pixels in the open and by far more in a corner.
+PERCOLATED = testing.Tolerances(position_pix=4.0, edge_pix=20.0, pull_rms=(0.3, 4.0))
+TOLERANCES = {"gauss_se": ISOPHOTAL, "mr1_se": ISOPHOTAL, "vtpdetect": PERCOLATED}
 
-every_procedure = pytest.mark.parametrize("detector", DETECTORS, ids=DETECTORS.names)
-
-
-def run(detector, observation, **changes):
-    params = detector.params(**changes)
-    frame = detector.detect(observation, params, np.random.default_rng(0))
-    return check_detections(detector, observation, frame)
-
-
-def bright_sources(seed=21, n_pix=256, counts=400.0):
-    positions = grid_positions(4, n_pix, np.random.default_rng(seed))
-    image = photon_image(np.random.default_rng(seed + 1), 0.178, [(x, y, counts) for x, y in positions], n_pix)
-    return positions, image
+every_procedure = pytest.mark.parametrize(
+    "detector", DETECTORS.built_in, ids=[detector.name for detector in DETECTORS.built_in]
+)
 
 
-def nearest(frame, positions):
-    distance = np.hypot(
-        frame["x_pix"].to_numpy()[:, None] - positions[:, 0], frame["y_pix"].to_numpy()[:, None] - positions[:, 1]
-    )
-    return frame.iloc[distance.argmin(axis=0)], distance.min(axis=0)
+@cache
+def case_of(name: str) -> testing.Case:
+    """The trial of a procedure; fields and answers that several claims look at are made once."""
+    detector = DETECTORS[name]
+    return testing.Case(detector, detector.profiles["paper"], TOLERANCES.get(name, testing.Tolerances()))
 
 
 @every_procedure
-def test_same_input_gives_identical_rows(detector):
-    observation = observe(bright_sources()[1])
-    first = run(detector, observation)
-    run(detector, observe(bright_sources(77)[1]))
-    assert run(detector, observation).equals(first)
+@pytest.mark.parametrize("claim", testing.CLAIMS, ids=str)
+def test_procedure_keeps(detector: Detector, claim: testing.Claim) -> None:
+    try:
+        claim(case_of(detector.name))
+    except testing.NotApplicable as reason:
+        pytest.skip(str(reason))
 
 
 @every_procedure
-def test_rows_are_ordered_by_significance(detector):
-    frame = run(detector, observe(bright_sources()[1]))
-    assert frame["significance"].is_monotonic_decreasing
-    assert frame["det_id"].tolist() == list(range(len(frame)))
-
-
-@every_procedure
-def test_inputs_are_not_written_to(detector):
-    observation = observe(bright_sources()[1])
-    before = observation.counts.copy(), observation.exposure_s.copy()
-    run(detector, observation)
-    assert np.array_equal(observation.counts, before[0])
-    assert np.array_equal(observation.exposure_s, before[1])
-
-
-@every_procedure
-def test_isolated_bright_sources_are_found_once_at_their_place(detector):
-    positions, image = bright_sources()
-    found, distance = nearest(run(detector, observe(image)), positions)
-    assert distance.max() < 1.0
-    assert found["det_id"].is_unique
-
-
-@every_procedure
-def test_positions_have_no_pixel_convention_bias(detector):
-    # 36 sources of 2000 photons: each position is known to ~0.08 pix, the mean to 0.014; a slip would be 0.5.
-    positions = grid_positions(6, 512, np.random.default_rng(40))
-    image = photon_image(np.random.default_rng(41), 0.178, [(x, y, 2000.0) for x, y in positions])
-    found, _ = nearest(run(detector, observe(image)), positions)
-    offset = found[["x_pix", "y_pix"]].to_numpy() - positions
-    assert np.all(np.abs(offset.mean(axis=0)) < 0.07)
-
-
-@every_procedure
-def test_position_errors_are_the_scatter_of_the_positions(detector):
-    positions = grid_positions(8, 512, np.random.default_rng(50))
-    image = photon_image(np.random.default_rng(51), 0.178, [(x, y, 120.0) for x, y in positions])
-    found, distance = nearest(run(detector, observe(image)), positions)
-    close = distance < 1.5
-    assert close.sum() >= 60
-    offset = found[["x_pix", "y_pix"]].to_numpy() - positions
-    pulls = (offset / found[["x_err_pix", "y_err_pix"]].to_numpy())[close]
-    # The errors are 20 % too long (six fields: 0.83 ± 0.02); 128 pulls know their rms to 6 %, the bounds are at 2.5σ.
-    assert 0.70 < np.sqrt(np.square(pulls).mean()) < 0.96
-
-
-@every_procedure
-def test_whole_pixel_shift_moves_the_sources_with_it(detector):
-    image = photon_image(
-        np.random.default_rng(23), 0.178, [(x, y, 400.0) for x in (60, 96, 140) for y in (70, 120, 170)], 256
-    )
-    shifted = np.roll(image, (MESH_PIX, 2 * MESH_PIX), axis=(0, 1))
-    frame, moved = run(detector, observe(image)), run(detector, observe(shifted))
-    inside = frame[
-        frame["x_pix"].between(EDGE_PIX, 255 - EDGE_PIX - 2 * MESH_PIX)
-        & frame["y_pix"].between(EDGE_PIX, 255 - EDGE_PIX - MESH_PIX)
-        & (frame["counts"] > 150)
-    ]
-    assert len(inside) >= 3
-    expected = inside[["x_pix", "y_pix"]].to_numpy() + np.array([2 * MESH_PIX, MESH_PIX])
-    found, distance = nearest(moved, expected)
-    assert distance.max() < 0.15
-    np.testing.assert_allclose(found["counts"], inside["counts"], rtol=0.05)
-
-
-@every_procedure
-def test_quarter_turn_turns_the_sources_with_it(detector):
-    image = bright_sources()[1]
-    frame, turned = run(detector, observe(image)), run(detector, observe(np.rot90(image).copy()))
-    bright = frame[frame["counts"] > 150]
-    expected = np.stack([bright["y_pix"], 255 - bright["x_pix"]], axis=1)
-    found, distance = nearest(turned, expected)
-    assert distance.max() < 0.15
-    np.testing.assert_allclose(found["counts"], bright["counts"], rtol=0.05)
-
-
-@every_procedure
-def test_rate_and_flux_follow_from_counts_and_exposure(detector):
-    exposure = np.full((256, 256), EXPOSURE_S)
-    exposure[:, 128:] *= 0.5
-    frame = run(detector, observe(bright_sources()[1], exposure))
-    at = exposure[np.rint(frame["y_pix"]).astype(int), np.rint(frame["x_pix"]).astype(int)]
-    np.testing.assert_allclose(frame["exposure_s"], at)
-    np.testing.assert_allclose(frame["rate_cps"], frame["counts"] / at)
-    np.testing.assert_allclose(frame["flux_cgs"], frame["rate_cps"] * FLUX_PER_RATE_CGS)
-
-
-@every_procedure
-def test_flux_is_nan_without_a_conversion_factor(detector):
-    frame = run(detector, observe(bright_sources()[1], known_flux=False))
-    assert frame["flux_cgs"].isna().all()
-    assert frame["flux_err_cgs"].isna().all()
-    assert np.isfinite(frame["counts"]).all()
-
-
-@every_procedure
-@pytest.mark.parametrize("photons", [0, 1])
-def test_almost_empty_image_gives_no_rows(detector, photons):
-    image = np.zeros((256, 256), np.int32)
-    image[100, 100] = photons
-    frame = run(detector, observe(image))
-    assert len(frame) == 0
-    assert frame["counts"].dtype == np.float64
-
-
-@every_procedure
-def test_unobserved_image_gives_no_rows(detector):
-    assert len(run(detector, observe(bright_sources()[1], np.zeros((256, 256))))) == 0
-    assert detector.view(observe(bright_sources()[1], np.zeros((256, 256))), detector.params()).shape == (256, 256)
-
-
-@every_procedure
-def test_exposure_that_is_not_a_number_is_refused_by_name(detector):
-    exposure = np.full((256, 256), EXPOSURE_S)
-    exposure[3, 4] = np.nan
-    with pytest.raises(ValueError, match="exposure_s must be finite"):
-        run(detector, observe(bright_sources()[1], exposure))
-
-
-@every_procedure
-def test_very_bright_source_and_sources_at_the_edge_are_survived(detector):
-    sources = [(128.0, 128.0, 3e5), (0.0, 60.0, 300.0), (255.0, 255.0, 300.0), (60.0, 255.0, 300.0)]
-    image = photon_image(np.random.default_rng(4), 0.178, sources, 256)
-    frame = run(detector, observe(image))
-    found, distance = nearest(frame, np.array([s[:2] for s in sources]))
-    assert distance[0] < 0.1
-    assert found["counts"].iloc[0] > 2e5
-    assert distance[1:].max() < 3.0
-
-
-@every_procedure
-def test_mask_makes_no_false_edge_and_nothing_is_found_in_it(detector):
-    rng = np.random.default_rng(60)
-    exposure = np.full((512, 512), EXPOSURE_S)
-    y, x = np.mgrid[:512, :512]
-    exposure[np.hypot(x - 255.5, y - 255.5) > 225] = 0.0
-    exposure[150:153, :] = 0.0
-    exposure[:, 300:340] = 0.0
-    image = np.where(exposure > 0, rng.poisson(1.78, (512, 512)), 0)
-    frame = run(detector, observe(image, exposure))
-    on_mask = exposure[np.rint(frame["y_pix"]).astype(int), np.rint(frame["x_pix"]).astype(int)] == 0
-    assert not on_mask.any()
-    # A blank field of this area has ~4 false detections at 100 ks in the worse procedure; P(> 12) < 1e-3.
-    assert len(frame) <= 12
-
-
-@every_procedure
-def test_source_cut_by_a_mask_is_still_found(detector):
-    exposure = np.full((256, 256), EXPOSURE_S)
-    exposure[:, 131:] = 0.0
-    image = np.where(exposure > 0, photon_image(np.random.default_rng(5), 0.178, [(128.0, 128.0, 300.0)], 256), 0)
-    found, distance = nearest(run(detector, observe(image, exposure)), np.array([[128.0, 128.0]]))
-    assert distance[0] < 1.5
-    assert found["counts"].iloc[0] > 100.0
-
-
-@every_procedure
-def test_crowded_field_at_zero_contrast_is_survived(detector):
-    rng = np.random.default_rng(70)
-    sources = [(*rng.uniform(0, 255, 2), c) for c in rng.uniform(20, 3000, 800)]
-    frame = run(detector, observe(photon_image(rng, 0.178, sources, 256)))
-    assert len(frame) > 100
-
-
-@every_procedure
-def test_view_is_the_searched_image(detector):
-    observation = observe(bright_sources()[1])
-    image = detector.view(observation, detector.params())
-    assert image.shape == (256, 256)
-    assert image.dtype == np.float64
-    assert image.sum() == pytest.approx(observation.counts.sum(), rel=0.02)
-
-
-@every_procedure
-def test_raw_and_filtered_photometry_agree(detector):
-    positions, image = bright_sources(counts=1500.0)
+def test_granted_background_is_used_or_asked_for(detector: Detector) -> None:
+    paper = detector.profiles["paper"].model_dump()
+    params = detector.params.model_validate({**paper, "background": "granted"})
+    positions = grid_positions(4, 256, np.random.default_rng(21))
+    image = photon_image(np.random.default_rng(22), BACKGROUND_10KS, [(x, y, 400.0) for x, y in positions], 256)
     observation = observe(image)
-    filtered, _ = nearest(run(detector, observation), positions)
-    raw, _ = nearest(run(detector, observation, measure_on="raw"), positions)
-    np.testing.assert_allclose(raw["counts"].mean(), filtered["counts"].mean(), rtol=0.05)
-
-
-@every_procedure
-@pytest.mark.parametrize(
-    "changes", [{"clean": False}, {"deblend_contrast": 1.0}, {"neighbours": "blank"}, {"mesh_pix": 1000}]
-)
-def test_options_of_the_extraction_work(detector, changes):
-    positions, image = bright_sources()
-    _, distance = nearest(run(detector, observe(image), **changes), positions)
-    assert distance.max() < 1.0
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"rms": "analytic"},
-        {"rms": "sep_local"},
-        {"threshold_kind": "poisson_exact"},
-        {"background": "clipped_mean"},
-        {"divide_by_exposure": True},
-        {"divide_by_exposure": True, "measure_on": "raw", "background": "clipped_mean", "rms": "analytic"},
-    ],
-)
-def test_options_of_gauss_se_work_under_vignetting(changes):
-    y, x = np.mgrid[:256, :256]
-    share = np.clip(1.0 - (np.hypot(x - 127.5, y - 127.5) / 200.0) ** 2, 0.0, None)
-    share[share < 0.3] = 0.0
-    positions, image = bright_sources(counts=1500.0)
-    thinned = np.random.default_rng(9).binomial(image, share)
-    frame = run(DETECTORS["gauss_se"], observe(thinned, share * EXPOSURE_S), **changes)
-    found, distance = nearest(frame, positions)
-    there = share[np.rint(positions[:, 1]).astype(int), np.rint(positions[:, 0]).astype(int)]
-    deep = there > 0.5
-    assert distance[deep].max() < 1.0
-    # Kron apertures hold 0.75 to 0.95 of a point source; counts are as they fell, rates are as on axis.
-    assert 0.75 < (found["counts"].to_numpy()[deep] / (1500.0 * there[deep])).mean() < 0.97
-    assert 0.75 < (found["rate_cps"].to_numpy()[deep] * EXPOSURE_S / 1500.0).mean() < 0.97
-
-
-@pytest.mark.parametrize("name", ["gauss_se", "mr1_se"])
-def test_granted_background_is_used_or_asked_for(name):
-    option = {"background": "granted"}
-    observation = observe(bright_sources()[1])
     with pytest.raises(ValueError, match="needs an observation with a background map"):
-        run(DETECTORS[name], observation, **option)
-    granted = type(observation)(
-        observation.counts, None, observation.exposure_s, np.full((256, 256), 0.178), observation.psf,
-        observation.grid, observation.band,
-    )  # fmt: skip
-    frame = run(DETECTORS[name], granted, **option)
-    np.testing.assert_allclose(frame["background_per_pix"], 0.178, rtol=1e-5)
-
-
-def test_higher_threshold_keeps_a_subset_ranked_by_significance():
-    observation = observe(bright_sources()[1])
-    low = run(DETECTORS["gauss_se"], observation, threshold_sigma=4.0, deblend_contrast=1.0, minarea_pix=1)
-    high = run(DETECTORS["gauss_se"], observation, threshold_sigma=8.0, deblend_contrast=1.0, minarea_pix=1)
-    assert len(high) == (low["significance"] >= 8.0).sum()
-
-
-def test_too_many_scales_for_the_image_is_a_sentence():
-    with pytest.raises(ValueError, match=r"n_scales must be 2\.\.6 for a 128-pixel image"):
-        run(DETECTORS["mr1_se"], observe(np.ones((128, 128), np.int32)), n_scales=9)
-
-
-def test_parameters_outside_their_domain_are_refused():
-    for model, changes in (
-        (GaussSeParams, {"fwhm_arcsec": -1.0}),
-        (GaussSeParams, {"rms": "guess"}),
-        (Mr1SeParams, {"significance": 0.5}),
-        (Mr1SeParams, {"minarea": 3}),
-    ):
-        with pytest.raises(ValueError, match=next(iter(changes))):
-            model(**changes)
+        detector.detect(observation, params, np.random.default_rng(0))
+    granted = replace(observation, background=np.full((256, 256), BACKGROUND_10KS))
+    frame = check_detections(detector, granted, detector.detect(granted, params, np.random.default_rng(0)))
+    assert len(frame) >= 16
+    # Fits count the wings of brighter sources as background of the fainter ones: more than granted, never less.
+    used = frame["background_per_pix"] / BACKGROUND_10KS
+    assert used.median() == pytest.approx(1.0, rel=1e-5)
+    assert used.min() > 1.0 - 1e-5

@@ -3,6 +3,7 @@
 import json
 import os
 import stat
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -102,6 +103,22 @@ def test_catalogue_places_sources_where_the_wcs_says(tmp_path):
     np.testing.assert_array_equal(table["x_pix"], X_PIX)
     np.testing.assert_allclose(table["RADEC_ERR"], 0.5 * SCALE_ARCSEC, rtol=1e-6)
     assert table["RADEC_ERR"].unit == units.arcsec
+
+
+def test_native_names_are_further_columns_with_the_same_values_units_and_meaning(tmp_path):
+    detector = replace(DETECTOR, native_names={"SCTS": "counts", "SIGMA": "sigma_clip"})
+    path = tmp_path / "cat.fits"
+    write_catalogue(path, detections(), detector=detector, params=SampleParams(), observation=sky_observation(tmp_path))
+    table, header = Table.read(path), fits.getheader(path, 1)
+    ucd = {header[f"TTYPE{i}"]: header.get(f"TUCD{i}") for i in range(1, header["TFIELDS"] + 1)}
+    for native, name in detector.native_names.items():
+        np.testing.assert_array_equal(table[native], table[name])
+        assert (table[native].unit, ucd[native]) == (table[name].unit, ucd[name])
+    names = [name.lower() for name in table.colnames]
+    assert len(set(names)) == len(names)
+    assert header[f"TCOMM{table.colnames.index('SCTS') + 1}"] == "counts: source counts measured by the procedure"
+    again = read_catalogue(path).detections
+    assert again["SCTS"].tolist() == again["counts"].tolist() == detections()["counts"].tolist()
 
 
 def test_catalogue_columns_carry_unit_ucd_and_meaning_that_others_understand(tmp_path):
