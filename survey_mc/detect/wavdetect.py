@@ -148,7 +148,7 @@ def scale_maxima(
 
 def smoothed_by_core(image: Float32Image, kernels: Bank, i: int) -> Float32Image:
     """Image smoothed by the positive core PW of a scale, of unit sum."""
-    core = kernels.wavelets[i] + kernels.rings[i]
+    core = kernels.wavelets[i] + kernels.ring(i)
     return kernels.convolver.apply(kernels.convolver.image(image), core / core[0, 0])
 
 

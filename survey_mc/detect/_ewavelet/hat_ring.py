@@ -68,7 +68,7 @@ def hat_ring(shape: tuple[int, int], scales_pix: tuple[float, ...], ring_scales_
     return HatRing(convolver, hats, tuple(transforms[sigma] for sigma in ring_scales_pix))
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=1)
 def _exposure_response(exposure: bytes, filters: HatRing) -> ExposureResponse:
     shape = filters.convolver.shape
     transform = filters.convolver.image(np.frombuffer(exposure, dtype=np.float32).reshape(shape))

@@ -20,6 +20,7 @@ from survey_mc.detect._wavdetect.thresholds import LOWEST_LOG2, Thresholds
 from survey_mc.detect._wavdetect.transform import (
     Bank,
     Coverage,
+    RingCoverage,
     ScaleImages,
     coverages,
     pixels_above,
@@ -58,20 +59,21 @@ def cleansed_ring(
     kernels: Bank,
     i: int,
     coverage: Coverage,
+    ring: RingCoverage,
     thresholds: Thresholds,
     cleansing: Cleansing,
 ) -> Float32Image:
     """−NW⋆D of the photons with source pixels replaced by the background; ring_counts: of the original photons."""
     marked_before = 0
     for _ in range(cleansing.max_iter):
-        rate = rate_from_ring(ring_counts, coverage.per_ring)
+        rate = rate_from_ring(ring_counts, ring.per_exposure)
         images = ScaleImages(kernels.scales[i], correlation, coverage.wavelet, coverage.noise, rate)
         marked = pixels_above(images, thresholds, cleansing.false_alarm)
         if len(marked) == 0:
             break
         cleansed = photons.copy()
         cleansed.ravel()[marked] = rate.ravel()[marked] * relative.ravel()[marked]
-        ring_counts = kernels.convolver.apply(kernels.convolver.image(cleansed), kernels.rings[i])
+        ring_counts = kernels.convolver.apply(kernels.convolver.image(cleansed), kernels.ring(i))
         if abs(len(marked) - marked_before) <= cleansing.iter_stop * photons.size:
             break
         marked_before = len(marked)
@@ -97,12 +99,15 @@ def scales_over_rings(
     images: list[ScaleImages] = []
     for i in reversed(range(len(kernels.scales))):
         correlation = kernels.convolver.apply(light, kernels.wavelets[i])
-        if i >= first_ring:
-            ring = kernels.convolver.apply(light, kernels.rings[i])
-            ring = cleansed_ring(photons, relative, correlation, ring, kernels, i, seen[i], thresholds[i], cleansing)
-            rate = rate_from_ring(ring, seen[i].per_ring)
-            ring_counts += np.where(seen[i].ring > 0.0, ring, np.float32(0.0))
-            ring_exposure += seen[i].ring
+        ring = seen[i].ring
+        if ring is not None:
+            counts = kernels.convolver.apply(light, kernels.ring(i))
+            counts = cleansed_ring(
+                photons, relative, correlation, counts, kernels, i, seen[i], ring, thresholds[i], cleansing
+            )
+            rate = rate_from_ring(counts, ring.per_exposure)
+            ring_counts += np.where(ring.exposure > 0.0, counts, np.float32(0.0))
+            ring_exposure += ring.exposure
         images.append(ScaleImages(kernels.scales[i], correlation, seen[i].wavelet, seen[i].noise, rate))
     overall = photons.sum(dtype=np.float64) / relative.sum(dtype=np.float64)
     mean = np.full(photons.shape, overall, dtype=np.float32)

@@ -26,31 +26,41 @@ Scales = tuple[float, ...]
 Pixels = NDArray[np.int64]  # flat indices
 
 LEAST_RING_SHARE = 0.05
-CACHED_EXPOSURES = 2
+CACHED_EXPOSURES = 1  # 16 images of a 512² field each
 
 
 @dataclass(frozen=True, slots=True)
 class Bank:
-    """Transforms of wavelets and rings (−NW ≥ 0) for one image shape."""
+    """Transforms of the wavelets for one image shape."""
 
     convolver: Convolver
     scales: Scales
     wavelets: tuple[KernelTransform, ...]
-    rings: tuple[KernelTransform, ...]
+
+    def ring(self, i: int) -> KernelTransform:
+        """Transform of the ring of a scale (−NW ≥ 0)."""
+        return ring_transform(self.convolver, self.scales[i])
+
+
+@dataclass(frozen=True, slots=True)
+class RingCoverage:
+    """What a ring sees of the exposure E (1 at its maximum): −NW⋆E, 0 where it sees too little, and 1 over it or 0."""
+
+    exposure: Float32Image
+    per_exposure: Float32Image
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
     """What one scale sees of the exposure E (1 at its maximum).
 
-    wavelet: W⋆E; ring: −NW⋆E, 0 where it sees too little; per_ring: 1/ring or 0; noise: variance of C per unit rate
-    over ΣW², 0 where the scale is not analysed.
+    wavelet: W⋆E; noise: variance of C per unit rate over ΣW², 0 where the scale is not analysed; ring: None where the
+    background is that of a larger scale.
     """
 
     wavelet: Float32Image
-    ring: Float32Image
-    per_ring: Float32Image
     noise: Float32Image
+    ring: RingCoverage | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +77,19 @@ class ScaleImages:
     rate: Float32Image
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def bank(shape: tuple[int, int], scales: Scales) -> Bank:
     """Transforms of all the kernels."""
     convolver = Convolver(shape, half_size_pix(scales[-1]))
-    hats = [mexican_hat(sigma) for sigma in scales]
-    wavelets = tuple(convolver.kernel(hat) for hat in hats)
-    return Bank(convolver, scales, wavelets, tuple(convolver.kernel(-negative_part(hat)) for hat in hats))
+    return Bank(convolver, scales, tuple(convolver.kernel(mexican_hat(sigma)) for sigma in scales))
 
 
 @lru_cache(maxsize=16)
+def ring_transform(convolver: Convolver, sigma_pix: float) -> KernelTransform:
+    """Transform of the ring −NW."""
+    return convolver.kernel(-negative_part(mexican_hat(sigma_pix)))
+
+
 def square_transform(convolver: Convolver, sigma_pix: float) -> KernelTransform:
     """Transform of W²/ΣW²."""
     squares = np.square(mexican_hat(sigma_pix))
@@ -99,20 +112,22 @@ def scale_coverage(kernels: Bank, i: int, relative: Float32Image, exposure: Tran
     """Coverage of one scale; own_ring: its background is read from its own ring, whose noise then counts."""
     apply = kernels.convolver.apply
     hat = mexican_hat(kernels.scales[i])
-    full_ring = -float(negative_part(hat).sum())
-    wavelet, ring = apply(exposure, kernels.wavelets[i]), apply(exposure, kernels.rings[i])
-    seen = (relative > 0.0) & (ring >= LEAST_RING_SHARE * full_ring * relative)
-    ring = np.where(seen, ring, np.float32(0.0))
-    per_ring = np.divide(1.0, ring, out=np.zeros_like(ring), where=seen)
+    wavelet = apply(exposure, kernels.wavelets[i])
     noise = apply(exposure, square_transform(kernels.convolver, kernels.scales[i]))
+    ring = None
     if own_ring:
+        full_ring = -float(negative_part(hat).sum())
+        light = apply(exposure, kernels.ring(i))
+        seen = (relative > 0.0) & (light >= LEAST_RING_SHARE * full_ring * relative)
+        light = np.where(seen, light, np.float32(0.0))
+        ring = RingCoverage(light, np.divide(1.0, light, out=np.zeros_like(light), where=seen))
         # C − (W⋆E)·rate weighs a ring pixel by NW · (PW⋆E)/(−NW⋆E) instead of NW.
         ring_squares = kernels.convolver.kernel(np.square(negative_part(hat)) / np.square(hat).sum())
-        weight = (wavelet + ring) * per_ring
+        weight = (wavelet + light) * ring.per_exposure
         noise += (np.square(weight) - np.float32(1.0)) * apply(exposure, ring_squares)
         noise[~seen] = 0.0
     noise[relative <= 0.0] = 0.0
-    return Coverage(wavelet, ring, per_ring, np.maximum(noise, np.float32(0.0)))
+    return Coverage(wavelet, np.maximum(noise, np.float32(0.0)), ring)
 
 
 def pixels_above(images: ScaleImages, thresholds: Thresholds, false_alarm: float) -> Pixels:
