@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 COUNTS, EXPOSURE, AREA = range(3)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def cheese_cells(
     counts: NDArray[np.int32],
     exposure: NDArray[np.float64],

@@ -126,7 +126,7 @@ def cash_and_slopes(
     work = np.empty((3 + n_parameters, n_pixels))  # added model, residual, weight, derivatives
     for i in range(n_pixels):
         work[0, i] = 0.0
-    at = 3
+    at = work.shape[0] - n_parameters  # a literal number would compile add_source once more
     for k in range(sources.shape[0]):
         add_source(sources, k, pixels, table, at, work)
         at += 3 if sources[k, IS_EXTENDED] == 0.0 else 4

@@ -24,12 +24,16 @@ from survey_mc.detect._eml.fit import (
     PIX_BACKGROUND,
     X_HIGH,
     X_LOW,
+    Y_HIGH,
+    Y_LOW,
     X,
     Y,
 )
 from survey_mc.detect._eml.params import Limits
 from survey_mc.detect._eml.pixels import Images, add_model, collect, observed_share, parts_of
+from survey_mc.detect._eml.score_kernels import take_neighbours
 from survey_mc.detect._eml.selection import (
+    TINY,
     Problem,
     Solution,
     as_extended,
@@ -54,6 +58,7 @@ NEGLIGIBLE_SHARE = 0.01  # of the background: a model is added to it out to wher
 FULLY_OBSERVED = 0.99  # share of the model inside the cut radius
 SETTLED_SHARE = 0.12  # of the cut radius: a source that moved further gets its pixels chosen anew
 MAX_SETTLING = 3
+N_PARAMETERS = 4  # of an extended source
 PROFILE_STEPS = 3
 PROFILE_RISE = (0.01, 100.0)  # rises of C beyond which the parabola is not trusted
 
@@ -76,9 +81,9 @@ class Fitted:
     background: FloatArray
     observed_share: FloatArray
 
-    def row(self, k: int) -> Fitted:
-        """Source k alone."""
-        return Fitted(*(getattr(self, field.name)[k : k + 1] for field in fields(self)))
+    def chosen(self, which: BoolArray | slice) -> Fitted:
+        """Some of the sources."""
+        return Fitted(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 def settle(images: Images, sources: FloatArray, table: FloatArray, limits: Limits) -> tuple[Solution, Problem]:
@@ -86,7 +91,8 @@ def settle(images: Images, sources: FloatArray, table: FloatArray, limits: Limit
     problem = Problem(collect(images, sources, limits.cut_pix), table, limits)
     solution = solve(sources, problem)
     for _ in range(MAX_SETTLING - 1):
-        if np.hypot(*(solution.sources - sources)[:, [X, Y]].T).max() <= SETTLED_SHARE * limits.cut_pix:
+        moved = solution.sources[:, : Y + 1] - sources[:, : Y + 1]
+        if np.hypot(moved[:, X], moved[:, Y]).max() <= SETTLED_SHARE * limits.cut_pix:
             break
         sources = solution.sources
         problem = Problem(collect(images, sources, limits.cut_pix), table, limits)
@@ -119,10 +125,12 @@ def judged(solution: Solution, problem: Problem, known: FloatArray | None) -> tu
     """The sources and extents that pay, with the falls of C they are worth; known: the falls of the sources."""
     while True:
         solution, fall = pruned(solution, problem, known)
+        if not solution.sources[:, IS_EXTENDED].any():
+            return solution, fall, np.zeros(len(fall))
         rises = np.full(len(fall), np.inf)
         for wide in np.flatnonzero(solution.sources[:, IS_EXTENDED]):
             rises[wide] = point_rise(solution, int(wide), problem)
-        if not len(rises) or rises.min() >= problem.limits.extent_fall:
+        if rises.min() >= problem.limits.extent_fall:
             return solution, fall, np.where(np.isinf(rises), 0.0, rises)
         points = solution.sources.copy()
         points[int(np.argmin(rises)), IS_EXTENDED] = 0.0
@@ -146,39 +154,50 @@ def profile_error(solution: Solution, k: int, column: int, parameter: int, error
     return total
 
 
-def fisher_errors(fisher: FloatArray) -> tuple[FloatArray, bool]:
-    """√ of the diagonal of the inverse of a matrix given by its lower half; with all others held if it is singular."""
-    diagonal = fisher.diagonal().copy()
+def fisher_errors(solution: Solution) -> tuple[FloatArray, bool]:
+    """(n, 4) errors from the inverse Fisher matrix; with all other parameters held, and False, if it is singular."""
+    fisher = solution.fisher  # its lower half is filled
+    diagonal = fisher.diagonal()
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, TINY))
     whole = fisher + fisher.T
-    np.fill_diagonal(whole, diagonal)
-    scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(np.float64).tiny))
+    whole.reshape(-1)[:: len(fisher) + 1] = diagonal
     try:
         variance = np.linalg.inv(whole * scale * scale[:, None]).diagonal() * scale**2
     except np.linalg.LinAlgError:
         variance = np.full(len(scale), np.nan)
-    regular = bool(np.all(variance > 0.0) and np.all(diagonal > 0.0))
-    return (np.sqrt(variance), True) if regular else (np.where(diagonal > 0.0, scale, np.nan), False)
+    regular = bool((variance > 0.0).all() and (diagonal > 0.0).all())
+    of_parameters = np.sqrt(variance) if regular else np.where(diagonal > 0.0, scale, np.nan)
+    errors, at = np.full((len(solution.sources), N_PARAMETERS), np.nan), 0
+    for row, source in zip(errors, solution.sources, strict=True):
+        n = N_PARAMETERS - 1 if source[IS_EXTENDED] == 0.0 else N_PARAMETERS
+        row[:n] = of_parameters[at : at + n]
+        at += n
+    return errors, regular
 
 
-def errors_and_flags(solution: Solution, problem: Problem) -> tuple[FloatArray, IntArray]:
-    """(n, 4) errors of the parameters, and the flags the fit itself raises."""
-    n = len(solution.sources)
-    all_errors, regular = fisher_errors(solution.fisher)
-    errors, flags, at = np.full((n, 4), np.nan), np.zeros(n, np.int32), 0
-    flags += (0 if solution.converged else NOT_CONVERGED) + (0 if regular else ERRORS_UNSURE)
+def profile_errors(solution: Solution, errors: FloatArray, problem: Problem) -> None:
+    """Put the offsets that raise C by 1 in place of the errors of positions and amplitudes."""
+    at = 0
     for k, source in enumerate(solution.sources):
-        columns = (X, Y, AMPLITUDE, EXTENT) if source[IS_EXTENDED] != 0.0 else (X, Y, AMPLITUDE)
-        for j, column in enumerate(columns):
-            errors[k, j] = all_errors[at + j]
-            if problem.limits.profile_errors and column != EXTENT and regular:
-                errors[k, j] = profile_error(solution, k, column, at + j, float(errors[k, j]), problem)
-        at += len(columns)
-    place = solution.sources[:, [X, Y]]
-    bounded = (place <= solution.sources[:, X_LOW : X_LOW + 2]) | (place >= solution.sources[:, X_HIGH : X_HIGH + 2])
-    widest = (solution.sources[:, IS_EXTENDED] != 0.0) & (solution.sources[:, EXTENT] >= len(problem.table) - 2)
-    flags |= np.where(bounded.any(axis=1), AT_BOUND, 0) | np.where(widest, EXTENT_AT_MAX, 0)
-    flags |= np.where(solution.sources[:, IS_SPLIT] != 0.0, SPLIT, 0)
-    return errors, flags.astype(np.int32)
+        for j, column in enumerate((X, Y, AMPLITUDE)):
+            errors[k, j] = profile_error(solution, k, column, at + j, float(errors[k, j]), problem)
+        at += 3 if source[IS_EXTENDED] == 0.0 else 4
+
+
+def flags_of(solution: Solution, regular: bool, problem: Problem) -> IntArray:
+    """The flags the fit itself raises."""
+    sources, last_extent = solution.sources, len(problem.table) - 2
+    common = (0 if solution.converged else NOT_CONVERGED) + (0 if regular else ERRORS_UNSURE)
+    flags = np.full(len(sources), common, np.int32)
+    for k, source in enumerate(sources.tolist()):
+        x, y = source[X], source[Y]
+        if x <= source[X_LOW] or x >= source[X_HIGH] or y <= source[Y_LOW] or y >= source[Y_HIGH]:
+            flags[k] |= AT_BOUND
+        if source[IS_EXTENDED] != 0.0 and source[EXTENT] >= last_extent:
+            flags[k] |= EXTENT_AT_MAX
+        if source[IS_SPLIT] != 0.0:
+            flags[k] |= SPLIT
+    return flags
 
 
 def fit_group(images: Images, sources: FloatArray, table: FloatArray, limits: Limits, group: int) -> Fitted:
@@ -191,10 +210,11 @@ def fit_group(images: Images, sources: FloatArray, table: FloatArray, limits: Li
     solution, problem = with_splits(images, solution, problem, limits)
     measured = measure(images, solution, problem, group, fall if solution is points else None)
     n_left = np.count_nonzero(measured.sources[:, IS_SPLIT] == 0.0)
-    flags = measured.flags | np.int32(NEIGHBOUR_DROPPED if n_left < len(sources) else 0)
+    if n_left < len(sources):
+        np.bitwise_or(measured.flags, np.int32(NEIGHBOUR_DROPPED), out=measured.flags)
     for source, level in zip(measured.sources, measured.background, strict=True):
         add_model(images, source, table, NEGLIGIBLE_SHARE * level)
-    return replace(measured, flags=flags)
+    return measured
 
 
 def measure(
@@ -206,20 +226,25 @@ def measure(
     if not n:
         return nothing()
     fall = likelihood_falls(solution, fall, problem)
-    errors, flags = errors_and_flags(solution, problem)
-    column, row = np.floor(solution.sources[:, [X, Y]] + 0.5).astype(np.int64).T
-    seen = images.exposure[row, column] > 0.0
+    errors, regular = fisher_errors(solution)
+    if regular and problem.limits.profile_errors:
+        profile_errors(solution, errors, problem)
+    flags = flags_of(solution, regular, problem)
     cut_pix = problem.limits.cut_pix
     share = np.array([observed_share(images.exposure, source, problem.table, cut_pix) for source in solution.sources])
-    flags |= np.where(share < FULLY_OBSERVED, PARTLY_OBSERVED, 0).astype(np.int32)
-    ones = np.ones(n, np.int32)
-    columns = (errors, fall, extent_fall, flags, ones * group, ones * n, images.background[row, column], share)
-    return Fitted(solution.sources[seen], *(values[seen] for values in columns))
+    flags[share < FULLY_OBSERVED] |= PARTLY_OBSERVED
+    place = np.floor(solution.sources[:, : Y + 1] + 0.5).astype(np.int64)
+    column, row = place[:, X], place[:, Y]
+    seen = images.exposure[row, column] > 0.0
+    number, together = np.full(n, group, np.int32), np.full(n, n, np.int32)
+    level = images.background[row, column]
+    found = Fitted(solution.sources, errors, fall, extent_fall, flags, number, together, level, share)
+    return found if seen.all() else found.chosen(seen)
 
 
 def with_late_extents(images: Images, fitted: Fitted, table: FloatArray, limits: Limits) -> Fitted:
     """Extents of the sources of the finished model, each against all others; the background changes with them."""
-    rows = [fitted.row(k) for k in range(len(fitted.sources))]
+    rows = [fitted.chosen(slice(k, k + 1)) for k in range(len(fitted.sources))]
     for k, row in enumerate(rows):
         source, level = row.sources, float(row.background[0])
         problem = Problem(collect(images, source, limits.cut_pix), table, limits)
@@ -246,13 +271,6 @@ def nothing() -> Fitted:
     return Fitted(np.zeros((0, N_SOURCE_COLUMNS)), np.zeros((0, 4)), none, none, whole, whole, whole, none, none)
 
 
-def gathered(first: int, places: FloatArray, waiting: BoolArray, limits: Limits) -> IntArray:
-    """Candidate `first` and its waiting neighbours, brightest first, at most n_max_fit."""
-    apart = np.hypot(*(places[first:] - places[first]).T)
-    near = np.flatnonzero(waiting[first:] & (apart <= limits.group_pix))[: limits.n_max_fit]
-    return np.asarray(near + first, dtype=np.int32)
-
-
 def fit_candidates(images: Images, candidates: FloatArray, table: FloatArray, limits: Limits) -> Fitted:
     """Accepted sources of all candidates; their models are added to `images.background`.
 
@@ -260,13 +278,13 @@ def fit_candidates(images: Images, candidates: FloatArray, table: FloatArray, li
     """
     places = np.clip(candidates[:, :2], 0.0, [limits.width - 1.0, limits.height - 1.0])
     waiting = np.ones(len(candidates), np.bool_)
+    room = np.empty(limits.n_max_fit, np.int64)
     groups: list[Fitted] = []
     for first in range(len(candidates)):
         if waiting[first]:
-            members = gathered(first, places, waiting, limits)
-            waiting[members] = False
+            members = room[: take_neighbours(places, waiting, first, limits.group_pix, room)]
             sources = np.zeros((len(members), N_SOURCE_COLUMNS))
-            sources[:, [X, Y]], sources[:, AMPLITUDE] = places[members], candidates[members, 2]
+            sources[:, : Y + 1], sources[:, AMPLITUDE] = places[members], candidates[members, 2]
             sources[:, CANDIDATE] = members
             set_bounds(sources, limits)
             groups.append(fit_group(images, sources, table, limits, len(groups) + 1))

@@ -19,6 +19,7 @@ from survey_mc.detect._eml.fit import (
     PIX_EXPOSURE,
     PIX_X,
     PIX_Y,
+    STEPS_PER_PIX,
     X,
     Y,
     shape_at,
@@ -68,3 +69,28 @@ def pixels_near(
                     pixels[PIX_BACKGROUND, n], pixels[PIX_EXPOSURE, n] = background[y, x], exposure[y, x]
                     n += 1
     return n
+
+
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+def add_to_background(
+    background: FloatImage, exposure: FloatImage, sources: FloatArray, table: FloatArray, floor: float, sign: float
+) -> None:
+    """Add `sign` times the model of the first source to the background, out to where it falls below `floor`."""
+    low, row, share = 0, 0, 0.0
+    if sources[0, IS_EXTENDED] != 0.0:
+        low = min(int(sources[0, EXTENT]), table.shape[0] - 3) + 1
+        row, share = min(math.ceil(sources[0, EXTENT]) + 1, table.shape[0] - 1), sources[0, EXTENT] + 1.0 - low
+    last = table.shape[1] - 1
+    while last >= 0 and sources[0, AMPLITUDE] * table[row, last, 0] <= floor:
+        last -= 1
+    reach = (last + 1) / STEPS_PER_PIX if last >= 0 else 1.0
+    x_pix, y_pix = sources[0, X], sources[0, Y]
+    for y in range(max(math.ceil(y_pix - reach), 0), min(math.floor(y_pix + reach) + 1, background.shape[0])):
+        for x in range(max(math.ceil(x_pix - reach), 0), min(math.floor(x_pix + reach) + 1, background.shape[1])):
+            dx, dy = x - x_pix, y - y_pix
+            if exposure[y, x] > 0.0 and dx * dx + dy * dy <= reach * reach:
+                radius = math.sqrt(dx * dx + dy * dy)
+                value = shape_at(table, low, radius)[0]
+                if share > 0.0:
+                    value += share * (shape_at(table, low + 1, radius)[0] - value)
+                background[y, x] += sign * (sources[0, AMPLITUDE] * exposure[y, x] * value)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from survey_mc.detect._eml.fit import AMPLITUDE, EXTENT, IS_EXTENDED, STEPS_PER_PIX, X, Y
-from survey_mc.detect._eml.kernels import contributions, pixels_near
+from survey_mc.detect._eml.fit import X, Y
+from survey_mc.detect._eml.kernels import add_to_background, contributions, pixels_near
 from survey_mc.types import FloatArray, FloatImage
 
 
@@ -69,9 +69,4 @@ def observed_share(exposure: FloatImage, source: FloatArray, table: FloatArray, 
 
 def add_model(images: Images, source: FloatArray, table: FloatArray, floor: float, sign: float = 1.0) -> None:
     """Add the source's model to the background (−1: take it away), as far as it is above `floor` counts per pixel."""
-    row = 0 if source[IS_EXTENDED] == 0.0 else min(math.ceil(source[EXTENT]) + 1, len(table) - 1)
-    above = np.flatnonzero(source[AMPLITUDE] * table[row, :, 0] > floor)
-    reach = (above[-1] + 1) / STEPS_PER_PIX if above.size else 1.0
-    pixels = collect(images, source[None], reach)
-    column, line = pixels[:2].astype(np.int64)
-    images.background[line, column] += sign * parts_of(source[None], pixels, table)[0]
+    add_to_background(images.background, images.exposure, source[None], table, floor, sign)

@@ -20,7 +20,6 @@ from survey_mc.detect._eml.fit import (
     IS_SPLIT,
     N_SOURCE_COLUMNS,
     PIX_BACKGROUND,
-    PIX_COUNTS,
     PIX_X,
     PIX_Y,
     X_HIGH,
@@ -33,8 +32,10 @@ from survey_mc.detect._eml.fit import (
 )
 from survey_mc.detect._eml.params import LARGEST_GROUP, Limits
 from survey_mc.detect._eml.pixels import parts_of
+from survey_mc.detect._eml.score_kernels import falls_alone, fill_scores, largest_excesses
 from survey_mc.types import BoolArray, FloatArray
 
+TINY = np.finfo(np.float64).tiny  # stands for 0 in a division
 PROMISE = 0.55  # share of the wanted fall of C that a score test must promise before a fit is made
 HOPE = 0.5  # share of the wanted fall that makes another start worth trying
 SPLIT_APART_PIX = 1.0  # a new source starts at least this far from the others
@@ -68,7 +69,7 @@ def new_fisher(sources: FloatArray) -> FloatArray:
 
 
 def run_fit(sources: FloatArray, problem: Problem, held: int, fisher: FloatArray) -> tuple[float, bool]:
-    """`_ml_fit.fit` of the problem, in place."""
+    """`_eml.fit.fit` of the problem, in place."""
     cash, converged = fit(sources, problem.pixels, problem.table, problem.limits.blend_pix, held, fisher)
     return float(cash), bool(converged)
 
@@ -85,10 +86,11 @@ def solve(sources: FloatArray, problem: Problem) -> Solution:
 
 def set_bounds(sources: FloatArray, limits: Limits) -> None:
     """Bound the positions around where they are, and to the image; in place."""
-    for position, low, high, n_pix in ((X, X_LOW, X_HIGH, limits.width), (Y, Y_LOW, Y_HIGH, limits.height)):
-        shift = min(limits.max_shift_pix, limits.cut_pix)  # further off, only wings would be fitted
-        sources[:, low] = np.maximum(sources[:, position] - shift, 0.0)
-        sources[:, high] = np.minimum(sources[:, position] + shift, n_pix - 1.0)
+    shift = min(limits.max_shift_pix, limits.cut_pix)  # further off, only wings would be fitted
+    for source in sources:
+        x, y = float(source[X]), float(source[Y])
+        source[X_LOW], source[Y_LOW] = max(x - shift, 0.0), max(y - shift, 0.0)
+        source[X_HIGH], source[Y_HIGH] = min(x + shift, limits.width - 1.0), min(y + shift, limits.height - 1.0)
 
 
 def overlapping(sources: FloatArray, k: int, reach_pix: float, limits: Limits) -> BoolArray:
@@ -105,17 +107,20 @@ def overlapping(sources: FloatArray, k: int, reach_pix: float, limits: Limits) -
     return near
 
 
+def model_of(solution: Solution, problem: Problem) -> FloatArray:
+    """(n_pixels,) expected counts."""
+    parts = parts_of(solution.sources, problem.pixels, problem.table)
+    return np.asarray(problem.pixels[PIX_BACKGROUND] + (parts[0] if len(parts) == 1 else parts.sum(axis=0)))
+
+
 def falls(solution: Solution, problem: Problem) -> FloatArray:
     """By how much each source makes C fall, the others refitted where they overlap it."""
-    sources, pixels, limits = solution.sources, problem.pixels, problem.limits
-    parts = parts_of(sources, pixels, problem.table)
-    total = parts.sum(axis=0)
-    lit = np.flatnonzero(pixels[PIX_COUNTS])
-    counts, background = pixels[PIX_COUNTS, lit], pixels[PIX_BACKGROUND, lit]
-    fall = np.empty(len(sources))
+    sources, limits = solution.sources, problem.limits
+    fall = np.full(len(sources), -solution.cash)
+    if len(sources) < 2:
+        return fall
+    falls_alone(parts_of(sources, problem.pixels, problem.table), problem.pixels, solution.cash, fall)
     for k in range(len(sources)):
-        rest = np.maximum(total - parts[k], 0.0)
-        fall[k] = 2.0 * (rest.sum() - counts @ np.log1p(rest[lit] / background)) - solution.cash
         if fall[k] >= limits.point_fall and overlapping(sources, k, limits.overlap_pix, limits).any():
             fall[k] = min(fall[k], solve(np.delete(sources, k, axis=0), problem).cash - solution.cash)
     return fall
@@ -129,7 +134,7 @@ def likelihood_falls(solution: Solution, fall: FloatArray, problem: Problem) -> 
     """
     sources, limits = solution.sources, problem.limits
     seen = fall.copy()
-    for k in range(len(sources)):
+    for k in range(len(sources) if len(sources) > 1 else 0):
         fainter = overlapping(sources, k, limits.overlap_pix, limits) & (sources[:, AMPLITUDE] < sources[k, AMPLITUDE])
         if fainter.any():
             with_it = solve(sources[~fainter], problem)
@@ -156,24 +161,23 @@ def pruned(solution: Solution, problem: Problem, fall: FloatArray | None = None)
         solution, fall = solve(np.delete(solution.sources, int(np.argmin(margin)), axis=0), problem), None
 
 
-def shapes(source: FloatArray, problem: Problem, places: FloatArray) -> FloatArray:
-    """(1 + n, n_pixels) the source's shape as a point, then with each extent, for one count."""
-    trial = np.tile(source, (1 + len(places), 1))
-    trial[:, AMPLITUDE] = 1.0
-    trial[0, IS_EXTENDED], trial[1:, IS_EXTENDED], trial[1:, EXTENT] = 0.0, 1.0, places
-    return parts_of(trial, problem.pixels, problem.table)
+def shape_sums(shapes: FloatArray, model: FloatArray, problem: Problem) -> FloatArray:
+    """(3, n) slope, Fisher information, and that shared with the first one, of sources of one count each."""
+    sums = np.empty((3, len(shapes)))
+    fill_scores(problem.pixels, model, parts_of(shapes, problem.pixels, problem.table), sums)
+    return sums
 
 
 def extent_scores(solution: Solution, k: int, problem: Problem) -> FloatArray:
     """Fall of C that a part of source k with each starting extent promises; 0 if the residuals want less of it."""
-    pixels = problem.pixels
-    model = pixels[PIX_BACKGROUND] + parts_of(solution.sources, pixels, problem.table).sum(axis=0)
-    shape = shapes(solution.sources[k], problem, problem.limits.extent_starts)
-    slope = shape @ (pixels[PIX_COUNTS] / model - 1.0)
-    fisher = (shape / model) @ shape.T
-    mixed = fisher[0, 1:] / fisher[0, 0]
+    starts, (x_pix, y_pix) = problem.limits.extent_starts, solution.sources[k, : Y + 1]
+    trial = np.zeros((1 + len(starts), N_SOURCE_COLUMNS))
+    trial[:, X], trial[:, Y], trial[:, AMPLITUDE] = x_pix, y_pix, 1.0
+    trial[1:, IS_EXTENDED], trial[1:, EXTENT] = 1.0, starts
+    slope, fisher, both = shape_sums(trial, model_of(solution, problem), problem)
+    mixed = both[1:] / fisher[0]
     score = np.maximum(slope[1:] - slope[0] * mixed, 0.0)
-    return np.asarray(score**2 / np.maximum(fisher.diagonal()[1:] - mixed * fisher[0, 1:], np.finfo(np.float64).tiny))
+    return np.asarray(score**2 / np.maximum(fisher[1:] - mixed * both[1:], TINY))
 
 
 def promising_extent(solution: Solution, k: int, problem: Problem) -> bool:
@@ -202,24 +206,20 @@ def as_extended(solution: Solution, k: int, problem: Problem) -> Solution:
 
 def residual_peak(solution: Solution, k: int, problem: Problem) -> tuple[FloatArray, float]:
     """One more point near source k where it promises most, and the fall of C it promises (0: nowhere)."""
-    sources, pixels = solution.sources, problem.pixels
-    model = pixels[PIX_BACKGROUND] + parts_of(sources, pixels, problem.table).sum(axis=0)
-    residual = pixels[PIX_COUNTS] / model - 1.0
-    apart = np.hypot(pixels[PIX_X] - sources[:, X, None], pixels[PIX_Y] - sources[:, Y, None])
-    own = (apart[k] <= apart.min(axis=0)) & (apart[k] <= problem.limits.cut_pix) & (residual > 0.0)
-    places = np.flatnonzero(own & (apart.min(axis=0) >= SPLIT_APART_PIX))
+    sources, pixels, cut_pix = solution.sources, problem.pixels, problem.limits.cut_pix
+    model, places = model_of(solution, problem), np.empty(SPLIT_STARTS, np.int64)
+    places = places[: largest_excesses(sources, k, pixels, model, SPLIT_APART_PIX, cut_pix, places)]
     if not places.size:
         return sources[k], 0.0
-    places = places[np.argsort(-(residual * np.sqrt(model))[places], kind="stable")[:SPLIT_STARTS]]
     trial = np.zeros((len(places), N_SOURCE_COLUMNS))
     trial[:, X], trial[:, Y], trial[:, AMPLITUDE] = pixels[PIX_X, places], pixels[PIX_Y, places], 1.0
-    shape = parts_of(trial, pixels, problem.table)
-    slope, fisher = np.maximum(shape @ residual, 0.0), (shape**2) @ (1.0 / model)
-    best = int(np.argmax(slope**2 / fisher))
+    slope, fisher, _ = shape_sums(trial, model, problem)
+    promise = np.maximum(slope, 0.0) ** 2 / fisher
+    best = int(np.argmax(promise))
     point = sources[k].copy()
-    point[[X, Y, AMPLITUDE]] = trial[best, X], trial[best, Y], slope[best] / fisher[best]
+    point[X], point[Y], point[AMPLITUDE] = trial[best, X], trial[best, Y], max(slope[best], 0.0) / fisher[best]
     point[IS_EXTENDED], point[IS_SPLIT] = 0.0, 1.0
-    return point, float(slope[best] ** 2 / fisher[best])
+    return point, float(promise[best])
 
 
 def with_source(solution: Solution, source: FloatArray, problem: Problem) -> Solution:

@@ -29,8 +29,11 @@ FRAME_LEAST = 0.25  # share below which a cell has no local background
 
 MEAN, FRAME_COUNTS, FRAME_WEIGHT, FRAME_WIDTH = range(4)
 
+# Called from compiled code only: no wrapper for Python, which is quicker to compile.
+inner = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
-@njit(cache=True, error_model="numpy")
+
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def minus_log_tail(k: int, mean: float) -> float:
     """−ln P(n ≥ k | mean) for 0 < mean < k, exact however far out; 0 for mean ≥ k, where it is below ln 2."""
     if mean >= k:
@@ -43,7 +46,7 @@ def minus_log_tail(k: int, mean: float) -> float:
     return mean - k * math.log(mean) + math.lgamma(k + 1.0) - math.log(total)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def integral_image(values: Image, exposure: Image, margin: int, sums: Image) -> None:
     """Fill `sums` with the sums of the observed pixels below and to the left, the image in a margin of zeros (pix).
 
@@ -62,7 +65,7 @@ def integral_image(values: Image, exposure: Image, margin: int, sums: Image) -> 
             row[x] = below[x] + total
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def box_row(sums: Image, low_y: int, low_x: int, side: int, step: int, out: Image) -> None:
     """Sums over the boxes of a row of cells."""
     reach = (out.shape[0] - 1) * step + 1
@@ -74,33 +77,33 @@ def box_row(sums: Image, low_y: int, low_x: int, side: int, step: int, out: Imag
         out[i] = bottom_right[at] - top_right[at] - bottom_left[at] + top_left[at]
 
 
-@njit(cache=True, error_model="numpy")
-def box_sum(sums: Images, of: int, low_y: int, low_x: int, side: int) -> float:
-    """Sum over one box; of: 0 the counts, 1 the weight."""
+@inner
+def box_sum(sums: Image, low_y: int, low_x: int, side: int) -> float:
+    """Sum over one box."""
     high_y, high_x = low_y + side, low_x + side
-    upper = sums[of, high_y, high_x] - sums[of, high_y, low_x]
-    return float(upper - sums[of, low_y, high_x] + sums[of, low_y, low_x])
+    upper = sums[high_y, high_x] - sums[high_y, low_x]
+    return float(upper - sums[low_y, high_x] + sums[low_y, low_x])
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def wider_frame(sums: Images, low_y: int, low_x: int, side: int, factor: int, block: float) -> tuple[float, float, int]:
     """Counts, weight and width (pix) of a frame around a box that grows outwards until enough of it is observed.
 
     block: weight of the central block. The weight of the frame is 0 where too little is observed.
     """
     whole = block * (float(side + 2 * FRAME_WIDTH_PIX * factor) ** 2 - side * side) / (factor * factor)
-    in_box = box_sum(sums, 1, low_y, low_x, side)
+    in_box = box_sum(sums[1], low_y, low_x, side)
     width, weight = FRAME_WIDTH_PIX * factor, 0.0
     while True:
-        weight = box_sum(sums, 1, low_y - width, low_x - width, side + 2 * width) - in_box
+        weight = box_sum(sums[1], low_y - width, low_x - width, side + 2 * width) - in_box
         if weight >= FRAME_WANTED * whole or width >= FRAME_WIDEST_PIX * factor:
             break
         width += factor
-    counts = box_sum(sums, 0, low_y - width, low_x - width, side + 2 * width) - box_sum(sums, 0, low_y, low_x, side)
+    counts = box_sum(sums[0], low_y - width, low_x - width, side + 2 * width) - box_sum(sums[0], low_y, low_x, side)
     return counts, weight if weight >= FRAME_LEAST * whole else 0.0, width
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def cell_likelihoods(
     sums: Images, margin: int, side: int, factor: int, step: int, local: bool, largest_mean: Image, like: Image
 ) -> tuple[Indices, Image]:
@@ -147,7 +150,7 @@ def cell_likelihoods(
     return found[:n_found], values[:n_found]
 
 
-@njit(cache=True, error_model="numpy")
+@inner
 def spread(counts: Image, exposure: Image, low_y: int, low_x: int, side: int) -> float:
     """Counts in a box, less their second moment in units no sum can reach: larger = more counts, then more compact.
 
@@ -163,7 +166,7 @@ def spread(counts: Image, exposure: Image, low_y: int, low_x: int, side: int) ->
     return total - moment / (total * side * side)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 def local_maxima(
     like: Image, found: Indices, counts: Image, exposure: Image, side: int, factor: int, step: int
 ) -> NDArray[np.bool_]:
