@@ -1,0 +1,42 @@
+"""A procedure whose answers change must raise its version: it is part of the key of every stored result."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from detect_fields import BACKGROUND_10KS, observe, photon_image
+
+from survey_mc.detect import DETECTORS, check_detections
+
+# (name, version): detections, then the sums of their x (pix), y (pix), counts and significance on the field below.
+# When this fails: raise the version of the procedure and put the new answer under the new number.
+ANSWERS: dict[tuple[str, int], tuple[int, float, float, float, float]] = {
+    ("emldetect", 1): (34, 4243.276, 4122.591, 11758.937, 56355.422),
+    ("vtpdetect", 1): (22, 2796.526, 2600.717, 10870.057, 16502.736),
+    ("wavdetect", 1): (40, 4814.021, 4468.747, 9770.449, 1377.624),
+    ("ewavelet", 1): (36, 4308.303, 4143.206, 7168.336, 860.612),
+    ("gauss_se", 1): (31, 3802.772, 3412.778, 10048.963, 4495.906),
+    ("mr1_se", 1): (31, 3846.381, 3537.068, 9692.279, 1624.822),
+}
+# Sums of 32-bit images differ in the last digits between processors; a changed answer differs by far more.
+RELATIVE = 1e-4
+
+
+def answer(name: str) -> tuple[int, float, float, float, float]:
+    """What the profile "paper" finds on a fixed field of points."""
+    rng = np.random.default_rng(20010208)
+    places = rng.uniform(10.0, 245.0, (30, 2))
+    sources = [(x, y, counts) for (x, y), counts in zip(places, np.geomspace(30.0, 1500.0, 30), strict=True)]
+    observation = observe(photon_image(rng, BACKGROUND_10KS, sources, 256))
+    detector = DETECTORS[name]
+    found = detector.detect(observation, detector.profiles["paper"], np.random.default_rng(0))
+    frame = check_detections(detector, observation, found)
+    sums = frame[["x_pix", "y_pix", "counts", "significance"]].sum().tolist()
+    return len(frame), sums[0], sums[1], sums[2], sums[3]
+
+
+@pytest.mark.parametrize("detector", DETECTORS.built_in, ids=[detector.name for detector in DETECTORS.built_in])
+def test_answers_change_only_with_the_version(detector) -> None:
+    key = (detector.name, detector.version)
+    assert key in ANSWERS, f"add the answer of {key}: {answer(detector.name)}"
+    assert answer(detector.name) == pytest.approx(ANSWERS[key], rel=RELATIVE)
