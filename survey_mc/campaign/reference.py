@@ -28,7 +28,8 @@ the paths of sky images, which must lie below the campaign's own folder.
 
 | file | what it does |
 |---|---|
-| `smoke.toml` | a few fields through everything, under a minute |
+| `smoke.toml` | a few fields through all procedures; half a minute on two cores, and as long again to compile once |
+| `blank_fields.toml` | what each procedure finds where there is nothing |
 | `test5_completeness.toml` | completeness and confusion of a shallow and a deep observation (paper, Sect. 8) |
 
 This page is written by `python -m survey_mc.campaign.reference`.

@@ -147,6 +147,8 @@ def _local_cluster(workers: int) -> Iterator[Client]:
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": MALLOC_THRESHOLD_BYTES,
         # Tasks run in a thread that is not the main one; two heaps would hold up to 40 MB more.
         "distributed.nanny.pre-spawn-environ.MALLOC_ARENA_MAX": 1,
+        # Arrow's own pool would be a third heap, of 35 MB.
+        "distributed.nanny.pre-spawn-environ.ARROW_DEFAULT_MEMORY_POOL": "system",
     }
     with dask.config.set(settings), ExitStack() as opened:
         with _undisturbed():
