@@ -37,6 +37,12 @@ def check_campaign(campaign: Campaign, where: str) -> None:
 def _check_methods(campaign: Campaign, shape: tuple[int, int], where: str) -> None:
     for number, choice in enumerate(campaign.method):
         check = DETECTORS[choice.name].check
+        if getattr(choice.params, "background", None) == "granted" and not campaign.instrument.grants_background:
+            raise BadInput(
+                where,
+                f'method[{number}].params.background: "granted" needs an instrument that grants its background map; '
+                "set grants_background = true in [instrument]",
+            )
         try:
             if check is not None:
                 check(choice.params, shape)

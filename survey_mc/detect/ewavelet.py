@@ -36,18 +36,21 @@ LARGEST_SCALE_SHARE = 8.0  # of the shorter side of the image: room for the ring
 LEAST_SCALE_STEP = 1.1  # ratio of neighbouring scales below which C cannot tell them apart
 FWHM_PER_SIGMA = math.sqrt(8.0 * math.log(2.0))
 R50_PER_SIGMA = math.sqrt(2.0 * math.log(2.0))
+LEAST_CORRECTED_SHARE = 0.01  # of the PSF's photons; a PSF far wider than the hat fills its ring and gives none
 LEAST_RING_SHARE = 0.8  # exposed share of the background ring, relative to the exposure at the source
 
 FLAG_NO_EXTENT = 1 << 0
 FLAG_LARGEST_SCALE = 1 << 1
 FLAG_EDGE = 1 << 2
 FLAG_NOT_INTERPOLATED = 1 << 3
+FLAG_UNCORRECTED = 1 << 4
 
 FLAG_BITS = {
     FLAG_NO_EXTENT: "no Gaussian width fits the two scales; half-light radius from WSCALE",
     FLAG_LARGEST_SCALE: "highest correlation at the largest scale: the source may be larger",
     FLAG_EDGE: "an image border, a mask or steep vignetting cuts into the background ring",
     FLAG_NOT_INTERPOLATED: "the maximum touches the border or a mask: position is that of the pixel",
+    FLAG_UNCORRECTED: "counts not corrected: the scale sees less than a hundredth of the PSF",
 }
 
 EXTRA_COLUMNS = (
@@ -160,12 +163,13 @@ def found_sources(observation: Observation, image: Image, params: EwaveletParams
 
 
 def counts_factor(observation: Observation, scale_pix: FloatArray, params: EwaveletParams) -> FloatArray:
-    """What the measured counts are divided by: 4πσ²C per photon of a point source, or 1."""
+    """What the measured counts are divided by: 4πσ²C per photon of a point source, or 1; NaN if that is too small."""
     if params.counts_correction == "none":
         return np.ones(len(scale_pix))
     scales = np.array(params.scales_pix)
     factor = [counts_per_photon(observation.psf, observation.grid.scale_arcsec, sigma) for sigma in params.scales_pix]
-    return np.asarray(np.array(factor)[np.searchsorted(scales, scale_pix)])
+    share = np.array(factor)[np.searchsorted(scales, scale_pix)]
+    return np.where(share >= LEAST_CORRECTED_SHARE, share, np.nan)
 
 
 def flags(image: Image, found: Found, measured: Measured) -> FloatArray:
@@ -184,6 +188,8 @@ def rows(observation: Observation, image: Image, found: Found, params: EwaveletP
     """The values of the detections' columns."""
     measured = measure(found, params.scales_pix)
     factor = counts_factor(observation, measured.scale_pix, params)
+    uncorrected = np.isnan(factor)
+    factor = np.where(uncorrected, 1.0, factor)
     width = np.where(np.isnan(measured.width_pix), measured.scale_pix, measured.width_pix)
     return {
         "x_pix": measured.x_pix,
@@ -195,7 +201,7 @@ def rows(observation: Observation, image: Image, found: Found, params: EwaveletP
         "background_per_pix": measured.background_per_pix,
         "significance": measured.significance,
         "r50_arcsec": R50_PER_SIGMA * width * observation.grid.scale_arcsec,
-        "flags": flags(image, found, measured),
+        "flags": flags(image, found, measured) | FLAG_UNCORRECTED * uncorrected,
         "IMAX": found.sources.pixel[:, 1],
         "JMAX": found.sources.pixel[:, 0],
         "WSCALE": measured.scale_pix,

@@ -28,13 +28,14 @@ from survey_mc.detect.detector import Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
 LEAST_EXPOSURE_SHARE = 1e-6  # of the largest exposure; stands for 0 in divisions
+LARGEST_SIGMA_PIX = 128.0  # a kernel of 1025² pixels
 
 
 class GaussSeParams(SepParams):
     """Parameters of G+SE."""
 
     fwhm_arcsec: float = Field(
-        12.0, gt=0.0, le=600.0, description="FWHM of the Gaussian (arcsec); the paper: 12, or 20 where clusters matter"
+        12.0, ge=0.1, le=600.0, description="FWHM of the Gaussian (arcsec); the paper: 12, or 20 where clusters matter"
     )
     threshold_kind: Literal["sigma", "poisson_exact"] = Field(
         "sigma", description="a multiple of the rms (paper), or an exact Poisson false-alarm probability"
@@ -48,7 +49,7 @@ class GaussSeParams(SepParams):
         description="rms of kind sigma: sep's global value (SExtractor's), its map, or √background × kernel norm",
     )
     photons_min: float = Field(
-        2.0, ge=0.0, description="threshold is never below the peak of this many photons in one pixel (photons)"
+        2.0, ge=0.0, le=1e6, description="threshold is never below the peak of this many photons in one pixel (photons)"
     )
     divide_by_exposure: bool = Field(
         False, description="search the exposure-corrected image instead of the photon image (paper: no)"
@@ -64,6 +65,18 @@ class GaussSeParams(SepParams):
     )
 
 
+def kernel_sigma_pix(observation: Observation, params: GaussSeParams) -> float:
+    """Standard deviation of the Gaussian (pixels); ValueError if its kernel is too large to be worked with."""
+    scale_arcsec = observation.grid.scale_arcsec
+    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, scale_arcsec)
+    if sigma_pix > LARGEST_SIGMA_PIX:
+        largest = LARGEST_SIGMA_PIX * scale_arcsec / smoothing.SIGMA_PER_FWHM
+        raise ValueError(
+            f"fwhm_arcsec must be at most {largest:g} for pixels of {scale_arcsec:g}″ (got {params.fwhm_arcsec:g})"
+        )
+    return sigma_pix
+
+
 def weights(observation: Observation, observed: BoolArray, params: GaussSeParams) -> FloatImage:
     """1 where observed, or the relative exposure where the image is to be exposure-corrected."""
     if params.divide_by_exposure:
@@ -76,7 +89,7 @@ def filtered_image(observation: Observation, params: GaussSeParams) -> FloatImag
     observed = observed_pixels(observation)
     if not observed.any():
         return np.zeros(observation.counts.shape)
-    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = kernel_sigma_pix(observation, params)
     weight = weights(observation, observed, params)
     return smoothing.normalised_smoothing(observation.counts.astype(np.float64), weight, sigma_pix)
 
@@ -87,7 +100,7 @@ def background_map(
     """Background of the smoothed image; mode: sep's. Units of the smoothed image."""
     if params.background == "sep_mode":
         return mode
-    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = kernel_sigma_pix(observation, params)
     observed = observed_pixels(observation)
     weight = weights(observation, observed, params)
     if params.background == "granted":
@@ -105,7 +118,7 @@ def background_map(
 
 def search_image(observation: Observation, params: GaussSeParams, observed: BoolArray) -> Search:
     """Smoothed image, background, threshold and noise."""
-    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, observation.grid.scale_arcsec)
+    sigma_pix = kernel_sigma_pix(observation, params)
     masked = ~observed
     smoothed = filtered_image(observation, params)
     filtered = np.ascontiguousarray(smoothed, dtype=np.float32)

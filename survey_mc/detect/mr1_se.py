@@ -32,13 +32,16 @@ class Mr1SeParams(Mr1Params, SepParams):
     """Parameters of MR/1+SE: the filter's, the extraction's, and the threshold between them."""
 
     threshold_sqrt_background: float = Field(
-        0.5, gt=0.0, description="threshold above the background of the filtered image (units of √(counts per pixel))"
+        0.5,
+        ge=1e-3,
+        le=1e3,
+        description="threshold above the background of the filtered image (units of √(counts per pixel))",
     )
     threshold_background: Literal["local", "global"] = Field(
         "local", description="background in the threshold: of the mesh at the pixel, or one value for the image"
     )
     threshold_min_per_pix: float = Field(
-        0.05, gt=0.0, description="threshold is never below this (counts per pixel), for almost empty images"
+        0.05, ge=1e-6, le=1e6, description="threshold is never below this (counts per pixel), for almost empty images"
     )
     background: Literal["sep_mode", "granted"] = Field(
         "sep_mode", description="sep's mode of the filtered image, or the map the campaign grants"

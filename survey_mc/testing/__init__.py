@@ -17,7 +17,7 @@ from survey_mc.testing.check import (
     conformance_of,
 )
 from survey_mc.testing.claim import Claim, NotApplicable, Violation
-from survey_mc.testing.tolerances import Tolerances
+from survey_mc.testing.tolerances import Tolerances, usual_tolerances
 
 __all__ = [
     "CLAIMS",
@@ -32,4 +32,5 @@ __all__ = [
     "check_detector",
     "claims",
     "conformance_of",
+    "usual_tolerances",
 ]

@@ -24,7 +24,7 @@ from survey_mc.testing.masks import MASK_CLAIMS
 from survey_mc.testing.place import PLACE_CLAIMS
 from survey_mc.testing.purity import PURITY_CLAIMS
 from survey_mc.testing.record import RECORD_CLAIMS
-from survey_mc.testing.tolerances import Tolerances
+from survey_mc.testing.tolerances import Tolerances, usual_tolerances
 from survey_mc.testing.values import VALUE_CLAIMS
 
 CLAIMS: tuple[Claim, ...] = (
@@ -101,8 +101,8 @@ def check_detector(
     """Try the claims on a procedure; raises `ConformanceError` (an AssertionError) that lists those it breaks.
 
     params: the profile "paper" unless given. claims: all of `CLAIMS` unless given. tolerances: bounds to use instead of
-    the usual ones. seed: of the fields and of the procedure. grants_background: the fields come with their background
-    map, for procedures that need one.
+    the usual ones (`usual_tolerances`). seed: of the fields and of the procedure. grants_background: the fields come
+    with their background map, for procedures that need one.
     """
     conformance = conformance_of(
         detector, params, claims=claims, tolerances=tolerances, seed=seed, grants_background=grants_background
@@ -123,7 +123,7 @@ def conformance_of(
 ) -> Conformance:
     """The verdicts of `check_detector`, without an error for broken claims."""
     chosen = params or detector.profiles.get("paper", detector.tiny)
-    case = Case(detector, chosen, tolerances or Tolerances(), seed, grants_background)
+    case = Case(detector, chosen, tolerances or usual_tolerances(detector.name), seed, grants_background)
     verdicts: list[Verdict] = []
     hopeless = ""
     for claim in CLAIMS if claims is None else claims:

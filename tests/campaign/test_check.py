@@ -36,6 +36,10 @@ REFUSED = {
         "the grid has 18000000 fields",
     ),
     "more files than a disk likes": ([("realisations = 6", "realisations = 9000000")], "the results would be 9000000"),
+    "background that the instrument does not grant": (
+        [('name = "gauss_se"', 'name = "gauss_se"\nparams = { background = "granted" }')],
+        'method[0].params.background: "granted" needs an instrument that grants',
+    ),
     "date": ([("seed = 7", "seed = 1979-05-27")], "seed: must not be a date"),
     "control character in a label": ([('"G"', '"a\\u001b[31m"')], "method[0].label: must be one line"),
     "kind of sky that is not known": ([('"lognlogs"', '"lognlog"')], "sky.kind: unknown kind 'lognlog'"),

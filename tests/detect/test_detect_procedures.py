@@ -20,10 +20,7 @@ from survey_mc.detect import DETECTORS, Detector, check_detections
 ISOPHOTAL = testing.Tolerances(
     bias_pix=0.08, same_pix=0.15, same_errors=0.0, same_counts=0.05, single_photon_rows=0, counts_ratio=(0.7, 1.05)
 )
-# A percolated group follows the photons into the wings, and at the border into cells that are cut by it: VTP centroids
-# are off by up to 3 pixels in the open and by far more in a corner.
-PERCOLATED = testing.Tolerances(position_pix=4.0, edge_pix=20.0, pull_rms=(0.3, 4.0))
-TOLERANCES = {"gauss_se": ISOPHOTAL, "mr1_se": ISOPHOTAL, "vtpdetect": PERCOLATED}
+TOLERANCES = {"gauss_se": ISOPHOTAL, "mr1_se": ISOPHOTAL}
 
 every_procedure = pytest.mark.parametrize(
     "detector", DETECTORS.built_in, ids=[detector.name for detector in DETECTORS.built_in]
@@ -34,7 +31,7 @@ every_procedure = pytest.mark.parametrize(
 def case_of(name: str) -> testing.Case:
     """The trial of a procedure; fields and answers that several claims look at are made once."""
     detector = DETECTORS[name]
-    return testing.Case(detector, detector.profiles["paper"], TOLERANCES.get(name, testing.Tolerances()))
+    return testing.Case(detector, detector.profiles["paper"], TOLERANCES.get(name, testing.usual_tolerances(name)))
 
 
 @every_procedure

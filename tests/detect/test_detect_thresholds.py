@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -155,3 +156,15 @@ def test_noise_grows_along_an_edge_as_predicted():
     expected = smoothing.edge_noise_factor(observed, sigma_pix)[32, 20] * smoothing.noise_norm(sigma_pix)
     # Standard deviation of 600 values is known to 2.9 %: 4σ.
     assert values.std() == pytest.approx(expected, rel=0.12)
+
+
+def test_equal_kernels_are_kept_once():
+    """A table entry a background, each with a kernel of 2 MB as its key, would fill the memory of a worker."""
+    kernel = smoothing.gaussian_kernel(64.0)
+    exact_threshold._reduced_threshold.cache_clear()
+    tracemalloc.start()
+    for background in 2.0 ** np.arange(-4.0, 0.0, 0.5):
+        exact_threshold.excess_threshold_map(kernel.copy(), np.full((1, 1), background), 1e-3)
+    kept_bytes, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept_bytes < 2.5 * kernel.nbytes

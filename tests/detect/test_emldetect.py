@@ -135,6 +135,8 @@ def test_awkward_images_survive():
         assert found["counts"].iloc[0] == pytest.approx(3e5, rel=0.02)
         assert len(found) <= 3
         assert len(detections(bright[:70], profile)) <= 6
+        for level in (1, 30, 1000):  # no noise at all: what looks likely has no excess
+            assert not len(detections(np.full((64, 64), level), profile))
 
 
 def test_crowded_field_survives_quickly_with_finite_columns():

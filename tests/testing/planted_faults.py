@@ -241,7 +241,7 @@ FAULTS: tuple[Fault, ...] = (
     (
         "a profile that fails",
         "every_profile_runs",
-        replace(SOUND, profiles={**SOUND.profiles, "mad": SOUND.params(photons_min=1e9)}),
+        replace(SOUND, profiles={**SOUND.profiles, "mad": SOUND.params(photons_min=1e6)}),
     ),
     (
         "a parameter that drifts",

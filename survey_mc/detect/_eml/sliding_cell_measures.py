@@ -23,6 +23,7 @@ Indices = NDArray[np.int64]
 NODES_PER_PIXEL = 8  # Gauss-Legendre, for a PSF as wide as a pixel
 MOST_NODES_PER_PIXEL = 64
 LEAST_PSF_FRACTION = 0.05  # of a box that is almost all masked
+LEAST_EXCESS = 1.0  # photons; a likely box has more, one of an image without noise may have none
 PIXEL_VARIANCE = 1.0 / 12.0  # of a photon's place within its pixel
 
 
@@ -118,11 +119,12 @@ def positions(
         _, psf_x, psf_y = first_moments(seen * stamp[cut : cut + side, cut : cut + side])
         follows = truncation(stamp, side // 2)
     pixel2 = np.square(np.arange(side) - half)
-    steepness = n / ((n - mean) * follows)
+    excess = np.maximum(n - mean, LEAST_EXCESS)
+    steepness = n / (excess * follows)
     x_variance = photons.sum(axis=1) @ pixel2 / n - np.square(x) + PIXEL_VARIANCE
     y_variance = photons.sum(axis=2) @ pixel2 / n - np.square(y) + PIXEL_VARIANCE
-    off_x = ((n * x - mean * sky_x) / (n - mean) - psf_x) / follows
-    off_y = ((n * y - mean * sky_y) / (n - mean) - psf_y) / follows
+    off_x = ((n * x - mean * sky_x) / excess - psf_x) / follows
+    off_y = ((n * y - mean * sky_y) / excess - psf_y) / follows
     height, width = images.counts.shape
     x_pix = np.clip(place[1] + half + np.clip(off_x, -half, half), 0.0, width - 1.0)
     y_pix = np.clip(place[0] + half + np.clip(off_y, -half, half), 0.0, height - 1.0)

@@ -16,6 +16,7 @@ LARGEST_RADIUS_ARCSEC = 1800.0
 SMALLEST_RADIUS_ARCSEC = 0.05
 N_RADII = 240
 N_APERTURES = 64
+LEAST_FRACTION = 1e-6  # what an aperture far smaller than the PSF is taken to hold, rather than nothing
 FAR_SIGMA = 8.0  # a photon farther from the aperture's edge than this does not cross it
 
 
@@ -40,4 +41,5 @@ def aperture_fraction(radius_arcsec: FloatArray, psf: Psf, sigma_arcsec: float) 
     if radius_arcsec.size == 0:
         return np.ones(0)
     table = np.geomspace(radius_arcsec.min(), radius_arcsec.max() * (1.0 + 1e-9), N_APERTURES)
-    return np.interp(radius_arcsec, table, smoothed_encircled_energy(table, psf, sigma_arcsec))
+    fraction = smoothed_encircled_energy(table, psf, sigma_arcsec)
+    return np.interp(radius_arcsec, table, np.maximum(fraction, LEAST_FRACTION))

@@ -57,6 +57,8 @@ SEXTRACTOR_NAMES = {
     "THRESHOLD": "threshold_per_pix",
 }
 
+LEAST_RELATIVE_EXPOSURE = 1e-20  # below it a photon's brightness does not fit single precision
+
 
 @dataclass(frozen=True, slots=True)
 class Search:
@@ -130,7 +132,7 @@ def barycentre_variances(search: Search, signal: Float32Image, found: Extraction
     expected = search.filtered
     if search.relative_exposure is not None:
         # The image is D/e: its variance per photon image pixel is (filtered · e) / e².
-        seen = search.relative_exposure > 0.0
+        seen = search.relative_exposure > LEAST_RELATIVE_EXPOSURE
         expected = np.divide(expected, search.relative_exposure, out=np.zeros(expected.shape), where=seen)
     variance: FloatArray = barycentre_variance(
         np.ascontiguousarray(found.segments, dtype=np.int32),

@@ -68,10 +68,10 @@ class SepParams(DetectorParams):
     clean: bool = Field(True, description="drop detections that are the wing of a brighter neighbour")
     clean_param: float = Field(1.0, gt=0.0, le=10.0, description="strength of the cleaning; larger cleans less")
     kron_integration: float = Field(
-        6.0, gt=0.0, le=100.0, description="ellipse in which the Kron radius is measured (units of the rms axes a, b)"
+        6.0, ge=0.1, le=100.0, description="ellipse in which the Kron radius is measured (units of the rms axes a, b)"
     )
-    kron_factor: float = Field(2.5, gt=0.0, le=100.0, description="aperture size (Kron radii)")
-    kron_radius_min: float = Field(3.5, gt=0.0, le=100.0, description="smallest aperture (units of the rms axes a, b)")
+    kron_factor: float = Field(2.5, ge=0.1, le=100.0, description="aperture size (Kron radii)")
+    kron_radius_min: float = Field(3.5, ge=0.1, le=100.0, description="smallest aperture (units of the rms axes a, b)")
     neighbours: Literal["mirror", "blank", "ignore"] = Field(
         "mirror",
         description="pixels of other detections in the aperture: replaced by the opposite pixel (SExtractor's "

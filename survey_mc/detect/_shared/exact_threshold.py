@@ -79,6 +79,12 @@ def filter_threshold(weights: FloatArray, background_per_pix: float, false_alarm
     return tail_crossing(values, tail, false_alarm)
 
 
+@lru_cache(maxsize=8)
+def _one_copy(kernel: bytes) -> bytes:
+    """The same bytes, as one object: as keys of the table below, equal kernels of megabytes would add up."""
+    return kernel
+
+
 @lru_cache(maxsize=1024)
 def _reduced_threshold(kernel: bytes, octave_step: int, false_alarm: float) -> float:
     """(threshold − mean) / standard deviation at b = 2^(octave_step / BACKGROUND_STEPS_PER_OCTAVE)."""
@@ -94,8 +100,9 @@ def excess_threshold_map(weights: FloatArray, background_per_pix: FloatArray, fa
     The threshold in units of the local standard deviation is interpolated in log₂ b between tabulated backgrounds.
     """
     kernel = np.ascontiguousarray(weights, dtype=np.float64).ravel()
+    key = _one_copy(kernel.tobytes())
     place = np.log2(background_per_pix) * BACKGROUND_STEPS_PER_OCTAVE
     steps = np.arange(math.floor(place.min()), math.ceil(place.max()) + 1)
-    reduced = np.array([_reduced_threshold(kernel.tobytes(), int(k), false_alarm) for k in steps])
+    reduced = np.array([_reduced_threshold(key, int(k), false_alarm) for k in steps])
     norm = math.sqrt(np.square(kernel).sum())
     return np.asarray(np.interp(place, steps, reduced) * np.sqrt(background_per_pix) * norm, dtype=np.float64)

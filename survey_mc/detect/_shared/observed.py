@@ -6,6 +6,8 @@ import numpy as np
 
 from survey_mc.types import BoolArray, FloatImage, Observation
 
+LEAST_EXPOSURE_S = 1e-100  # below it rates and their ratios leave the range of numbers
+
 
 def observed_pixels(observation: Observation) -> BoolArray:
     """True where the exposure is positive. Raises ValueError for an exposure or counts that cannot be used."""
@@ -14,9 +16,12 @@ def observed_pixels(observation: Observation) -> BoolArray:
         raise ValueError(f"exposure_s must have the shape of counts, {counts.shape} (got {exposure.shape})")
     if not np.all(np.isfinite(exposure)) or exposure.min() < 0.0:
         raise ValueError("exposure_s must be finite and ≥ 0, 0 where not observed (got NaN, infinite or < 0)")
+    observed = np.asarray(exposure > 0.0)
+    if exposure.min(initial=np.inf, where=observed) < LEAST_EXPOSURE_S:
+        raise ValueError(f"exposure_s must be 0 or at least {LEAST_EXPOSURE_S:g} s (got {exposure[observed].min():g})")
     if counts.min() < 0:
         raise ValueError(f"counts must be ≥ 0 (got {counts.min()})")
-    return np.asarray(exposure > 0.0)
+    return observed
 
 
 def granted_background(observation: Observation) -> FloatImage:

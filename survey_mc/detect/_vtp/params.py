@@ -31,7 +31,9 @@ VTP_COLUMNS = (
     ),
     Column("R_2", "float64", "shorter semi-axis of the ellipse", "pixel", "phys.angSize.sminAxis"),
     Column("ROTANG", "float64", "angle of the longer axis, from x towards y, 0 … 180", "deg", "pos.posAng"),
-    Column("CUTOFF", "float64", "cell flux above which cells were joined, in units of the background"),
+    Column(
+        "CUTOFF", "float64", "cell flux above which cells were joined, in units of the background", ucd="arith.ratio"
+    ),
 )  # fmt: skip
 
 
@@ -56,7 +58,7 @@ class VtpDetectParams(DetectorParams):
     )
     scale: float = Field(1.0, gt=0.0, le=100.0, description="factor on the flux cut-off")
     limit: float = Field(
-        1e-6, ge=1e-300, le=0.5, description="tolerated probability that the background makes a group's counts"
+        1e-6, gt=0.0, le=0.5, description="tolerated probability that the background makes a group's counts"
     )
     tested_counts: Literal["net", "total"] = Field(
         "total",

@@ -19,6 +19,7 @@ from survey_mc.detect._vtp.exact_predicates import COORDINATE_BITS
 from survey_mc.detect._vtp.voronoi_cells import VoronoiCells, far_points, voronoi_cells
 from survey_mc.types import BoolArray, FloatArray, Observation
 
+MOST_PHOTONS = 2**22  # one cell each: a gigabyte and 10 s
 Positions = Literal["pixel", "jitter", "photons"]
 
 
@@ -67,6 +68,7 @@ def distinct_positions(
     height, width = observed.shape
     middle = np.array([(width - 1) / 2.0, (height - 1) / 2.0])
     if positions == "photons":
+        refuse_too_many(len(photon_list(observation)), positions)
         place = np.rint(photon_list(observation) * (1 << bits))
         seen = observed[nearest_pixels(place[:, 1], bits, height), nearest_pixels(place[:, 0], bits, width)]
         seen &= np.all(np.abs(place / (1 << bits) - middle) <= middle + 0.5, axis=1)  # on the image
@@ -77,12 +79,21 @@ def distinct_positions(
         x, y = column.astype(np.int64) << bits, row.astype(np.int64) << bits
         if positions == "pixel":
             return x.astype(np.float64), y.astype(np.float64), photons
+        refuse_too_many(int(photons.sum()), positions)
         within = rng.integers(0, 1 << bits, (2, int(photons.sum())), dtype=np.int64) - (1 << (bits - 1))
         x, y = np.repeat(x, photons) + within[0], np.repeat(y, photons) + within[1]
     one = np.int64(1) << bits  # keeps the keys positive: no position lies further than a pixel outside
     key, multiplicity = np.unique(((y + one) << 32) | (x + one), return_counts=True)
     x, y = (key & 0xFFFFFFFF) - one, (key >> 32) - one
     return x.astype(np.float64), y.astype(np.float64), multiplicity.astype(np.int64)
+
+
+def refuse_too_many(n_photons: int, positions: Positions) -> None:
+    """ValueError if there are more photons than can have a cell each."""
+    if n_photons > MOST_PHOTONS:
+        raise ValueError(
+            f'positions = "{positions}" takes at most {MOST_PHOTONS} photons; use "pixel" (got {n_photons})'
+        )
 
 
 def photon_list(observation: Observation) -> FloatArray:
