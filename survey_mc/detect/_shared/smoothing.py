@@ -65,7 +65,18 @@ def smooth_weight(weight: FloatImage, sigma_pix: float) -> FloatImage:
             gaussian_filter1d(np.ones(n), sigma_pix, mode="constant", truncate=TRUNCATE_SIGMA) for n in weight.shape
         ]
         return np.outer(along[0], along[1])
+    seen = weight > 0.0
+    if np.array_equal(seen, weight):
+        return _smoothed_mask(seen.tobytes(), weight.shape, sigma_pix)
     return smooth(weight, sigma_pix)
+
+
+@lru_cache(maxsize=4)
+def _smoothed_mask(mask: bytes, shape: tuple[int, int], sigma_pix: float) -> FloatImage:
+    """Smoothed image of 0 and 1; the fields of a campaign share their mask, so the last are kept. Read-only."""
+    smoothed = smooth(np.frombuffer(mask, dtype=np.bool_).reshape(shape).astype(np.float64), sigma_pix)
+    smoothed.setflags(write=False)
+    return smoothed
 
 
 def normalised_smoothing(counts: FloatImage, weight: FloatImage, sigma_pix: float) -> FloatImage:
