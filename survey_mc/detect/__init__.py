@@ -15,6 +15,7 @@ from survey_mc.detect.contract import (
     declared_columns,
     native_columns,
     record_problem,
+    with_native_names,
 )
 from survey_mc.detect.detector import Detector, DetectorParams
 from survey_mc.plugins import Plugins
@@ -45,4 +46,5 @@ __all__ = [
     "native_columns",
     "observed_pixels",
     "record_problem",
+    "with_native_names",
 ]

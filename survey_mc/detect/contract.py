@@ -43,6 +43,11 @@ def native_columns(detector: Detector) -> tuple[tuple[Column, str], ...]:
     )
 
 
+def with_native_names(detector: Detector, frame: pd.DataFrame) -> pd.DataFrame:
+    """Detections with the columns the original program names otherwise once more under its names (DET_ML, SCTS …)."""
+    return frame.assign(**{column.name: frame[name] for column, name in native_columns(detector)})
+
+
 def record_problem(detector: Detector) -> str | None:
     """What is wrong with a procedure's record, as a sentence."""
     return _profile_problem(detector) or _column_problem(detector) or _flag_problem(detector)

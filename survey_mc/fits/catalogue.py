@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from survey_mc.columns import DEC, RA, RADEC_ERR, X_IMAGE, Y_IMAGE, Column
-from survey_mc.detect.contract import declared_columns, native_columns
+from survey_mc.detect.contract import declared_columns, native_columns, with_native_names
 from survey_mc.detect.detector import Detector, DetectorParams
 from survey_mc.errors import BadInput
 from survey_mc.fits.container import quiet, read_hdu
@@ -72,7 +72,7 @@ def write_catalogue(
     check_target(path, overwrite)
     frame, sky = _with_sky(detections, observation)
     native = native_columns(detector)
-    frame = frame.assign(**{column.name: frame[name] for column, name in native})
+    frame = with_native_names(detector, frame)
     unit = table_unit(EXTENSION, (*sky, *declared_columns(detector), *(column for column, _ in native)), frame)
     if observation.grid.wcs is not None:
         unit.header["RADESYS"] = "ICRS"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from survey_mc.campaign.sentences import sentence_of
-from survey_mc.detect import DETECTORS, check_detections
+from survey_mc.detect import DETECTORS, check_detections, with_native_names
 from survey_mc.detect.detector import Detector, DetectorParams
 from survey_mc.errors import BadInput
 from survey_mc.fits import FileObservation, observation_from_files
@@ -30,7 +30,11 @@ PSF_HEW_ARCSEC = 15.0
 
 @dataclass(frozen=True, slots=True)
 class ImageDetections:
-    """detections: `columns.DETECTIONS` without realisation, then the detector's own. notes: what was assumed."""
+    """What was found on an image, and how.
+
+    detections: `columns.DETECTIONS` without realisation, the detector's own, and those the original program names
+    otherwise under its names. notes: what was assumed.
+    """
 
     detections: DataFrame
     detector: Detector
@@ -84,6 +88,5 @@ def detect_image(
         raise BadInput(str(image), f"{method}: {problem}") from problem
     if isinstance(found, Skip):
         raise BadInput(str(image), f"{method} cannot work on this image: {found.reason}")
-    return ImageDetections(
-        check_detections(detector, source.observation, found), detector, chosen, source, source.notes
-    )
+    rows = with_native_names(detector, check_detections(detector, source.observation, found))
+    return ImageDetections(rows, detector, chosen, source, source.notes)

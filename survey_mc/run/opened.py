@@ -40,7 +40,8 @@ class Run:
         return self._gather("truth", cell, ("",))
 
     def detections(self, method: str | None = None, cell: str | None = None) -> DataFrame:
-        """Detections (`columns.DETECTIONS` and the methods' own columns; NaN where a method has no such column)."""
+        """Detections: `columns.DETECTIONS`, the methods' own columns, and those that the original programs name
+        otherwise under their names (DET_ML, NET_COUNTS …); NaN where a method has no such column."""
         return self._gather("detections", cell, self._methods(method))
 
     def matches(self, method: str | None = None, cell: str | None = None, rule: str | None = None) -> DataFrame:
@@ -82,10 +83,17 @@ class Run:
     def _gather(self, table: StoredTable, cell: str | None, methods: tuple[str, ...]) -> DataFrame:
         import pandas as pd
 
+        from survey_mc.detect import DETECTORS, with_native_names
+
+        names = {record.label: record.name for record in self.data.methods}
+
         def labelled() -> Iterator[DataFrame]:
             for cell_label in self.cells if cell is None else (cell,):
                 for method in methods:
-                    for frame in self.data.frames(table, cell_label, method):
+                    for stored in self.data.frames(table, cell_label, method):
+                        frame = stored
+                        if table == "detections":
+                            frame = with_native_names(DETECTORS[names[method]], frame)
                         if method:
                             frame.insert(0, "method", method)
                         frame.insert(0, "cell", cell_label)

@@ -172,3 +172,10 @@ def test_a_run_killed_before_it_tidied_up_is_tidied_up(tmp_path: Path, reference
 
     assert run_campaign(small(extra=MR1), root, SERIAL).fields == 0
     assert data_files(root) == reference
+
+
+def test_detections_carry_the_names_of_the_original_program(tmp_path: Path) -> None:
+    run_campaign(small(), tmp_path / "run", SERIAL)
+    rows = open_run(tmp_path / "run").detections(method="G")
+    assert len(rows) > 0
+    assert rows["FLUX_AUTO"].equals(rows["counts"])
