@@ -18,8 +18,8 @@ from detect_fields import (
 
 from survey_mc.detect import check_detections, ewavelet
 from survey_mc.detect._ewavelet.hat_ring import hat_ring, ring
+from survey_mc.detect._ewavelet.local_maxima import local_maxima
 from survey_mc.detect._ewavelet.psf_response import counts_per_photon
-from survey_mc.detect._shared.local_maxima import local_maxima
 from survey_mc.detect.ewavelet import DETECTOR, MODERN, PAPER, PAPER_CORRECTED, EwaveletParams
 from survey_mc.types import Observation
 

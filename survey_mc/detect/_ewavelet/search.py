@@ -160,7 +160,7 @@ def maxima(
 ) -> NDArray[np.int64]:
     """(n, 2) pixels of the significant maxima of one scale."""
     from survey_mc.detect._ewavelet.kernels import hat_at
-    from survey_mc.detect._shared.local_maxima import local_maxima
+    from survey_mc.detect._ewavelet.local_maxima import local_maxima
 
     hat = mexican_hat(sigma)
     photons = rules.photons_min * hat.max() * ABOVE_ROUNDING
