@@ -12,7 +12,7 @@ from typing import Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from survey_mc.registry import UnknownName
-from survey_mc.telescope.instruments import INSTRUMENTS
+from survey_mc.telescope.instruments import INSTRUMENTS, Instrument
 from survey_mc.telescope.vignetting import VALID_ARCMIN, Coefficients
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -94,8 +94,17 @@ class InstrumentSettings(_Frozen):
                 f"field_of_view_arcmin must be at most {VALID_ARCMIN:g}, to where the vignetting is known, "
                 f"or vignetting = false (got {self.field_of_view_arcmin:g})"
             )
+        for key in ("background_cps_per_pix", "flux_per_rate_cgs", "vignetting_coefficients"):
+            _check_bands(key, getattr(self, key), instrument)
         fwhm_arcsec = self.psf_fwhm_arcsec or instrument.psf_fwhm_arcsec
         return _checked_widths(self, fwhm_arcsec, self.psf_hew_arcsec or instrument.psf_hew_arcsec)
+
+
+def _check_bands(key: str, given: BandNumbers | BandCoefficients | None, instrument: Instrument) -> None:
+    missing = set(given.model_dump(exclude_none=True) if given else ()) - set(instrument.band_names)
+    if missing:
+        known = ", ".join(instrument.band_names)
+        raise ValueError(f"{key}: {instrument.name} has no band {min(missing)!r}; known: {known}")
 
 
 def _checked_widths(model: ModelT, fwhm_arcsec: float, hew_arcsec: float) -> ModelT:

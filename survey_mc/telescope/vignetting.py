@@ -1,9 +1,10 @@
 """Vignetting of the telescopes: the chance that a photon from an off-axis angle is observed.
 
 Idea     quartic in off-axis angle, one per band, 1 on axis; applied once, to source and background photons alike.
-Source   paper Sect. 2 (53 % soft, 48 % hard at 10′); between and beyond, a quartic fit of 1/(1 + (θ/θ₀)²) through
-         those points, within 0.003 of it to 15′, because the paper does not print its coefficients.
-Limits   azimuthally symmetric; known to 15′: asking beyond is an error.
+Source   EPIC: paper Sect. 2 (53 % soft, 48 % hard at 10′); between and beyond, a quartic fit of 1/(1 + (θ/θ₀)²)
+         through those points, within 0.003 of it to 15′, because the paper does not print its coefficients. The other
+         instruments: their files.
+Limits   azimuthally symmetric; known to 15′ at most: asking beyond is an error.
 """
 
 from __future__ import annotations

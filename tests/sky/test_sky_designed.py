@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydantic import BaseModel, ValidationError
-from sky_contexts import HALF_WIDTH_ARCSEC, HARD, context
+from sky_contexts import HALF_WIDTH_ARCSEC, HARD, SOFT, context
 
 from survey_mc.errors import BadInput
 from survey_mc.sky import SKIES, AnySkyParams, draw_sky
@@ -17,7 +17,7 @@ from survey_mc.sky.flux_grid import FluxGridParams
 from survey_mc.sky.image import ImageParams
 from survey_mc.sky.lognlogs import LogNLogSParams
 from survey_mc.sky.pair_rows import PairRowsParams
-from survey_mc.types import SKY_COLUMNS
+from survey_mc.types import SKY_COLUMNS, Band
 
 
 @pytest.mark.parametrize("name", SKIES.names)
@@ -208,3 +208,11 @@ def test_designed_sources_stay_in_the_field() -> None:
     for name in ("pair_rows", "flux_grid", "clusters"):
         sources = draw_sky(SKIES[name].params(), context()).sources
         assert sources[["x_arcsec", "y_arcsec"]].abs().to_numpy().max() < HALF_WIDTH_ARCSEC
+
+
+def test_another_instrument_sees_the_same_cluster_at_its_own_rate() -> None:
+    weaker = Band("soft", 0.5, 2.0, 6.70e-12)
+    epic = draw_sky(ClustersParams(), context(band=SOFT)).sources
+    other = draw_sky(ClustersParams(), context(band=weaker)).sources
+    assert np.allclose(other["flux_cgs"], epic["flux_cgs"], rtol=1e-12)
+    assert np.allclose(other["rate_cps"], epic["rate_cps"] / 10.0, rtol=1e-12)

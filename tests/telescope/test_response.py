@@ -114,7 +114,10 @@ def test_pointing_puts_the_axis_at_the_given_place() -> None:
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        ({"name": "xmm_epik"}, "unknown instrument 'xmm_epik'; known: xmm_epic; did you mean 'xmm_epic'"),
+        (
+            {"name": "xmm_epik"},
+            "unknown instrument 'xmm_epik'; known: chandra_acis, rosat_hri, xmm_epic; did you mean 'xmm_epic'",
+        ),
         ({"field_of_view_arcmin": 16.0}, "at most 15, to where the vignetting is known"),
         ({"psf_hew_arcsec": 5.0}, "half-energy width must be 1.001 to 100 times the FWHM"),
         ({"believed_psf": {"fwhm_arcsec": 9.0, "hew_arcsec": 8.0}}, "half-energy width must be"),
