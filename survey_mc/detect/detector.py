@@ -25,6 +25,45 @@ class DetectorParams(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    def input_files(self) -> dict[str, str]:
+        """Paths of the files that `detect` will read, by the parameter that names them; their content is part of the
+        key of every result, and a campaign keeps copies of them."""
+        return {}
+
+
+@dataclass(frozen=True, slots=True)
+class ExtentStatistic:
+    """A column of a procedure's detections that tells points from extended sources, and the usual cut.
+
+    column: of `columns.DETECTIONS` or of the procedure's `extra_columns`. unit: of the column; empty if none. cut: a
+    detection is called extended at or above it, below it if `larger_is_extended` is false, and never where the column
+    is NaN. about: where the cut comes from.
+    """
+
+    column: str
+    label: str
+    cut: float
+    about: str
+    unit: str = ""
+    larger_is_extended: bool = True
+
+
+# The two that every procedure of that kind shares.
+R50 = ExtentStatistic(
+    "r50_arcsec",
+    "half-light radius",
+    20.0,
+    "Valtchanov, Pierre & Gastaud 2001, Sect. 7.3: r50 of at least 20″",
+    "arcsec",
+)
+STELLARITY = ExtentStatistic(
+    "stellarity",
+    "stellarity index",
+    0.1,
+    "Valtchanov, Pierre & Gastaud 2001, Sect. 7.3: stellarity below 0.1",
+    larger_is_extended=False,
+)
+
 
 @dataclass(frozen=True, slots=True)
 class Detector:
@@ -35,8 +74,10 @@ class Detector:
     was found, or a `Skip`. view(obs, params): the filtered image the procedure searches, for reports. profiles: named
     sets of parameters; "paper" is the one a campaign starts from. tiny: parameters for quick contract tests.
     flag_bits: meaning of each bit of the column `flags`. check(params, shape): raises ValueError if the parameters do
-    not fit an image of that shape. native_names: what the original program calls columns that mean the same in the
-    same unit ({"SCTS": "counts"}); FITS catalogues carry both.
+    not fit an image of that shape, SurveyError if a file they name cannot be used. native_names: what the original
+    program calls columns that mean the same in the same unit ({"SCTS": "counts"}); FITS catalogues carry both.
+    extent_statistics: the columns that tell points from extended sources; `r50_arcsec` is tried for every procedure
+    that fills it.
     """
 
     name: str
@@ -53,3 +94,4 @@ class Detector:
     flag_bits: Mapping[int, str] = field(default_factory=dict)
     check: Callable[[Any, tuple[int, int]], None] | None = None
     native_names: Mapping[str, str] = field(default_factory=dict)
+    extent_statistics: tuple[ExtentStatistic, ...] = ()

@@ -28,7 +28,7 @@ from survey_mc.detect._eml.sliding_cell import Cells, SlidingCellParams, sliding
 from survey_mc.detect._shared.observed import observed_pixels
 from survey_mc.detect._shared.poisson_background import LEAST_BACKGROUND_PER_PIX
 from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame, nearest_pixel
-from survey_mc.detect.detector import Detector
+from survey_mc.detect.detector import Detector, ExtentStatistic
 from survey_mc.types import FloatImage, Observation
 
 if TYPE_CHECKING:
@@ -119,4 +119,7 @@ DETECTOR = Detector(
     profiles={"paper": PAPER, "modern": MODERN},
     flag_bits=FLAG_BITS,
     native_names=NATIVE_NAMES,
+    extent_statistics=(
+        ExtentStatistic("EXT_ML", "likelihood of the extent", 10.0, 'threshold of the profile "paper", on its scale'),
+    ),
 )

@@ -29,13 +29,17 @@ from survey_mc.detect._ewavelet.psf_response import counts_per_photon
 from survey_mc.detect._ewavelet.search import Found, Image, Rules, reconstruct, search
 from survey_mc.detect._shared.observed import granted_background, observed_pixels
 from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, detections_frame, empty_frame
-from survey_mc.detect.detector import Detector, DetectorParams
+from survey_mc.detect.detector import Detector, DetectorParams, ExtentStatistic
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
 
 LARGEST_SCALE_SHARE = 8.0  # of the shorter side of the image: room for the ring of the largest scale
 LEAST_SCALE_STEP = 1.1  # ratio of neighbouring scales below which C cannot tell them apart
 FWHM_PER_SIGMA = math.sqrt(8.0 * math.log(2.0))
 R50_PER_SIGMA = math.sqrt(2.0 * math.log(2.0))
+# The formula of EXTENT for the PSF of the paper (King of FWHM 6″ and half-energy width 15″, in pixels of 4″) gives 2.0,
+# 2.8, 3.9 and 5.6 pixels at the scales 1–2, 2–4, 4–8 and 8–16.
+EXTENT_OF_PSF_PIX = 5.6
+WSCALE_OF_R50_PIX = 4.0  # a Gaussian of r50 = 20″, the paper's cut, has σ = 4.2 pixels of 4″
 LEAST_CORRECTED_SHARE = 0.01  # of the PSF's photons; a PSF far wider than the hat fills its ring and gives none
 LEAST_RING_SHARE = 0.8  # exposed share of the background ring, relative to the exposure at the source
 
@@ -269,4 +273,10 @@ DETECTOR = Detector(
         "X_IMA_ERR": "x_err_pix",
         "Y_IMA_ERR": "y_err_pix",
     },
+    extent_statistics=(
+        ExtentStatistic(
+            "EXTENT", "fitted FWHM", EXTENT_OF_PSF_PIX, "largest of a point source's at any scales", "pixel"
+        ),
+        ExtentStatistic("WSCALE", "scale", WSCALE_OF_R50_PIX, "that of a Gaussian of r50 = 20″ (Sect. 7.3)", "pixel"),
+    ),
 )

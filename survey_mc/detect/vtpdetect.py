@@ -27,7 +27,7 @@ from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, detections_fra
 from survey_mc.detect._vtp import cell_groups
 from survey_mc.detect._vtp.params import VTP_COLUMNS, VtpDetectParams
 from survey_mc.detect._vtp.poisson_voronoi import fit_faint_cells, flat_density, flux_cutoff
-from survey_mc.detect.detector import Detector
+from survey_mc.detect.detector import R50, Detector
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation, Skip
 
 if TYPE_CHECKING:
@@ -227,4 +227,5 @@ DETECTOR = Detector(
     profiles={"paper": PAPER, "modern": MODERN},
     flag_bits=FLAG_BITS,
     native_names={"NET_COUNTS": "counts", "NET_COUNTS_ERR": "counts_err", "NET_RATE": "rate_cps"},
+    extent_statistics=(R50,),
 )

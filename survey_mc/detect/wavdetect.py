@@ -32,7 +32,7 @@ from survey_mc.detect._wavdetect.scale_merging import Maxima, Sources, merged_so
 from survey_mc.detect._wavdetect.source_measures import FluxImage, measured_cells, source_significance
 from survey_mc.detect._wavdetect.thresholds import Thresholds
 from survey_mc.detect._wavdetect.transform import Bank, ScaleImages, bank, significant_maxima
-from survey_mc.detect.detector import Detector
+from survey_mc.detect.detector import Detector, ExtentStatistic
 from survey_mc.types import BoolArray, FloatImage, Observation, Psf
 
 RING_AREA_PER_SIGMA2 = 25.1  # (ΣNW)²/ΣNW² = (4π/e)²/0.85, pixels whose counts a ring averages
@@ -251,4 +251,7 @@ DETECTOR = Detector(
         "EXPTIME": "exposure_s",
         "SRC_SIGNIFICANCE": "significance",
     },
+    extent_statistics=(
+        ExtentStatistic("PSFRATIO", "size over PSF size", 1.0, "Valtchanov, Pierre & Gastaud 2001, Sect. 5.4: unity"),
+    ),
 )

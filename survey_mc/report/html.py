@@ -11,18 +11,17 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from survey_mc.report.classification_section import classification_section
 from survey_mc.report.definitions import DEFINITIONS
 from survey_mc.report.figures.style import Figure
 from survey_mc.report.headline import headline_table, notices
 from survey_mc.report.markup import Html, join, tag
-from survey_mc.report.page_style import STYLE
+from survey_mc.report.page_shell import Section, heading, page, plain_table
 from survey_mc.report.source import RunSource
 from survey_mc.report.table_columns import CPU_SECONDS, TABLES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-CONTENT_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
 def report_page(
@@ -34,51 +33,30 @@ def report_page(
 ) -> str:
     """The page as text. figures: from the tables; pictures: of one field."""
     name = str(source.lock.get("name", "survey_mc run"))
-    sections = [
-        ("glance", "At a glance", _glance(source, tables)),
-        ("figures", "Figures", join(_figure(f) for f in figures)),
-        ("field", "One field", join(_figure(f) for f in pictures)),
-        ("definitions", "What the words mean", _definitions()),
-        ("methods", "Methods", _methods(source.lock)),
-        ("tables", "Tables", _tables(tables)),
-        ("provenance", "Provenance", _provenance(source.lock, campaign_text)),
-    ]
-    sections = [section for section in sections if section[2]]
-    contents = [
-        tag("li", tag("a", title, href=f"#{anchor}"), _sub_contents(figures if anchor == "figures" else ()))
-        for anchor, title, _ in sections
-    ]
-    body = tag(
-        "div",
-        tag("nav", tag("strong", "Contents"), tag("ol", *contents), aria_label="Contents"),
-        tag("main", _header(source, name), *(tag("section", tag("h2", t), c, id=a) for a, t, c in sections)),
-        class_="sheet",
+    drawn = tuple((f"figure-{figure.name}", figure.title) for figure in figures)
+    sections = (
+        Section("glance", "At a glance", _glance(source, tables)),
+        Section("classification", "Point or extended", classification_section(source, tables)),
+        Section("figures", "Figures", join(_figure(f) for f in figures), drawn),
+        Section("field", "One field", join(_figure(f) for f in pictures)),
+        Section("definitions", "What the words mean", _definitions()),
+        Section("methods", "Methods", _methods(source.lock)),
+        Section("tables", "Tables", _tables(tables)),
+        Section("provenance", "Provenance", _provenance(source.lock, campaign_text)),
     )
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=CONTENT_POLICY),
-        tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name_="color-scheme", content="light dark"),
-        tag("title", f"{name} – survey_mc report"),
-        tag("style", Html(STYLE)),
-    )
-    return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body), lang="en") + "\n"
+    return page(f"{name} – survey_mc report", _header(source, name), sections)
 
 
 def _header(source: RunSource, name: str) -> Html:
     lock = source.lock
-    n_fields = sum(cell.realisations for cell in source.cells)
     facts = {
         "cells": len(source.cells),
         "methods": len(source.methods),
-        "fields asked for": n_fields,
+        "fields asked for": sum(cell.realisations for cell in source.cells),
         "seed": lock.get("seed", "–"),
         "survey_mc": lock.get("versions", {}).get("survey_mc", "–"),
     }
-    items = [tag("li", f"{label} ", tag("b", value)) for label, value in facts.items()]
-    about = tag("p", lock["about"], class_="lead") if lock.get("about") else Html("")
-    return tag("header", tag("h1", name), about, tag("ul", *items, class_="facts"))
+    return heading(name, str(lock.get("about", "")), facts)
 
 
 def _glance(source: RunSource, tables: Mapping[str, DataFrame]) -> Html:
@@ -106,12 +84,6 @@ def _figure(figure: Figure) -> Html:
     )
 
 
-def _sub_contents(figures: Sequence[Figure]) -> Html:
-    if not figures:
-        return Html("")
-    return tag("ol", *(tag("li", tag("a", f.title, href=f"#figure-{f.name}")) for f in figures))
-
-
 def _table_links(name: str) -> Html:
     if name == CPU_SECONDS.name:
         return tag("a", f"{name}.csv", href=f"../runs/{name}.csv")
@@ -129,28 +101,17 @@ def _methods(lock: Mapping[str, Any]) -> Html:
     for method in lock.get("methods", ()):
         params = ", ".join(f"{key} = {json.dumps(value)}" for key, value in method.get("params", {}).items())
         procedure = f"{method.get('name', '')} v{method.get('version', '?')}"
-        rows.append(
-            tag("tr", tag("th", method.get("label", ""), scope="row"), tag("td", procedure),
-                tag("td", method.get("reference", "")), tag("td", tag("code", params)))
-        )  # fmt: skip
+        rows.append((method.get("label", ""), procedure, method.get("reference", ""), tag("code", params)))
     if not rows:
         return Html("")
-    titles = (tag("th", title, scope="col") for title in ("label", "procedure", "reference", "parameters"))
     note = tag("p", "Procedures are re-implementations from their publications, not the original programs.")
-    table = tag("table", tag("thead", tag("tr", *titles)), tag("tbody", *rows), class_="plain")
-    return join([note, tag("div", table, class_="wide")])
+    return join([note, plain_table(("label", "procedure", "reference", "parameters"), rows)])
 
 
 def _tables(tables: Mapping[str, DataFrame]) -> Html:
-    rows = [
-        tag("tr", tag("th", t.name, scope="row"), tag("td", t.about), tag("td", len(tables[t.name])),
-            tag("td", _table_links(t.name)))
-        for t in (*TABLES, CPU_SECONDS)
-    ]  # fmt: skip
-    titles = (tag("th", title, scope="col") for title in ("table", "holds", "rows", "files"))
+    rows = [(t.name, t.about, len(tables[t.name]), _table_links(t.name)) for t in (*TABLES, CPU_SECONDS)]
     note = tag("p", "Units and meanings of the columns are in the Parquet metadata and in the first lines of the CSV.")
-    table = tag("table", tag("thead", tag("tr", *titles)), tag("tbody", *rows), class_="plain")
-    return join([note, tag("div", table, class_="wide")])
+    return join([note, plain_table(("table", "holds", "rows", "files"), rows)])
 
 
 def _provenance(lock: Mapping[str, Any], campaign_text: str) -> Html:

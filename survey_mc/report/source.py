@@ -59,14 +59,16 @@ class RunSource(Protocol):
 
     def frames(
         self,
-        table: Literal["truth", "matches"],
+        table: Literal["truth", "matches", "detections"],
         cell_label: str,
         method_label: str = "",
         columns: Sequence[str] | None = None,
     ) -> Iterator[DataFrame]:
         """Stored rows, piece by piece."""
 
-    def realisations_done(self, table: Literal["truth", "matches"], cell_label: str, method_label: str = "") -> int:
+    def realisations_done(
+        self, table: Literal["truth", "matches", "detections"], cell_label: str, method_label: str = ""
+    ) -> int:
         """How many fields are stored, those without rows included."""
 
     def journal(self) -> DataFrame:

@@ -66,10 +66,10 @@ def _declared(table: Table, frames: list[DataFrame]) -> DataFrame:
     import pandas as pd
 
     types = {c.name: "object" if c.dtype == "string" else c.dtype for c in table.columns}
-    frames = [frame[list(table.names)].astype(types) for frame in frames if len(frame)]
+    frames = [frame[list(table.names)] for frame in frames if len(frame)]
     if not frames:
         return pd.DataFrame({c.name: pd.Series(dtype=types[c.name]) for c in table.columns})
-    return pd.concat(frames, ignore_index=True)
+    return pd.concat(frames, ignore_index=True).astype(types)
 
 
 def write_csv(path: Path, table: Table, frame: DataFrame) -> None:

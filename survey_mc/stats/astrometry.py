@@ -48,8 +48,7 @@ class Astrometry:
             rows.append(
                 (
                     *(part.selection, part.lower_edge, part.upper_edge, s.n),
-                    *(s.quantile(0.5), *s.quantile_interval(0.5)),
-                    *(s.quantile(ONE_SIGMA), *s.quantile_interval(ONE_SIGMA)),
+                    *s.quantiles_with_intervals((0.5, ONE_SIGMA)).ravel(),
                     *(s.mean, s.mean_err, s.rms),
                 )
             )

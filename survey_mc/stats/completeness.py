@@ -6,9 +6,7 @@ Source   Valtchanov et al. 2001, Sect. 8 and Fig. "detection rate"; isotonic reg
 Limits   the input list is cut in counts: near the cut a flux bin holds only its less vignetted sources. Sources of one
          field share background and blends, so the binomial interval is too short by √design_effect.
 
-Memory: one pair of small integers for each (group of fields, bin). There are at most `MAX_FIELD_GROUPS` groups
-(realisation modulo that number), so it does not grow with the number of realisations; resampling the groups of a
-larger run is resampling its fields in lots.
+Memory: one pair of small integers for each (group of fields, bin), see `resampling`.
 """
 
 from __future__ import annotations
@@ -20,16 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from survey_mc.stats.bins import LogBins
-from survey_mc.stats.intervals import ONE_SIGMA, jeffreys
+from survey_mc.stats.intervals import CLAIM, clopper_pearson, jeffreys
+from survey_mc.stats.resampling import (
+    N_RESAMPLES,
+    TAIL,
+    design_effect,
+    field_weights,
+    inner_quantiles,
+    n_field_groups,
+    resampled_sums,
+)
 from survey_mc.types import FloatArray
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-MAX_FIELD_GROUPS = 1000
-N_RESAMPLES = 400
 LEVELS = (0.5, 0.8, 0.9)
-TAIL = (1.0 - ONE_SIGMA) / 2.0
 ROUNDING = 1e-12  # a completeness this little below a level has reached it
 
 
@@ -59,7 +63,7 @@ class CompletenessCounts:
     sum_log: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        shape = (max(1, min(self.n_fields, MAX_FIELD_GROUPS)), self.bins.size)
+        shape = (n_field_groups(self.n_fields), self.bins.size)
         self.n_true = np.zeros(shape, dtype=np.int32)
         self.n_found = np.zeros(shape, dtype=np.int32)
         self.sum_log = np.zeros(self.bins.size)
@@ -78,7 +82,8 @@ class CompletenessCounts:
 
     def table(self, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> DataFrame:
         """Occupied bins: lower_edge, upper_edge, centre (geometric mean of the sources), n_true, n_found, completeness,
-        lower, upper (Jeffreys), lower_fields, upper_fields (resampled fields), design_effect.
+        lower, upper (Jeffreys), lower_fields, upper_fields (resampled fields), lower_cp, upper_cp (Clopper–Pearson,
+        95 %, for claims), design_effect.
         """
         import pandas as pd
 
@@ -90,7 +95,8 @@ class CompletenessCounts:
             again = found_again / true_again
             completeness = n_found / n_true
             centre = 10.0 ** (self.sum_log / n_true)
-        fields = _inner_quantiles(again[:, used]) if len(again) else np.full((2, used.sum()), np.nan)
+        fields = inner_quantiles(again[:, used])
+        claims = clopper_pearson(n_found[used], n_true[used], CLAIM)
         return pd.DataFrame(
             {
                 "lower_edge": self.bins.edges[:-1][used],
@@ -103,18 +109,22 @@ class CompletenessCounts:
                 "upper": upper[used],
                 "lower_fields": fields[0],
                 "upper_fields": fields[1],
-                "design_effect": self._design_effect()[used],
+                "lower_cp": claims[0],
+                "upper_cp": claims[1],
+                "design_effect": design_effect(self.n_found, self.n_true)[used],
             }
         )
 
     def limits(self, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> tuple[Limit, ...]:
         """The limits at `LEVELS`, with intervals from resampled fields."""
         n_true, n_found = self.n_true.sum(axis=0, dtype=np.int64), self.n_found.sum(axis=0, dtype=np.int64)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            log_centre = self.sum_log / n_true
-        best = crossings(log_centre, n_found, n_true)
+        used = n_true > 0
+        log_centre = self.sum_log[used] / n_true[used]
         true_again, found_again = self._resample(rng, n_resamples)
-        again = crossings(log_centre, found_again, true_again)
+        if not used.any():
+            return tuple(Limit(level, np.nan, np.nan, np.nan, "not reached") for level in LEVELS)
+        best = crossings(log_centre, n_found[used], n_true[used])
+        again = crossings(log_centre, found_again[:, used], true_again[:, used])
         limits = []
         for i, level in enumerate(LEVELS):
             lower, upper = np.full(2, np.nan)
@@ -128,23 +138,8 @@ class CompletenessCounts:
 
     def _resample(self, rng: np.random.Generator, n_resamples: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """(n_resamples, bins) true and found sources of resampled fields; no rows with fewer than two fields."""
-        n_groups = len(self.n_true)
-        n_rows = n_resamples if n_groups > 1 else 0
-        drawn = rng.integers(0, n_groups, (n_rows, n_groups)) + n_groups * np.arange(n_rows)[:, None]
-        weights = np.bincount(drawn.ravel(), minlength=n_rows * n_groups).reshape(n_rows, n_groups).astype(np.float64)
-        # products of floats are exact here and, unlike those of integers, fast
-        again = [np.rint(weights @ n.astype(np.float64)).astype(np.int64) for n in (self.n_true, self.n_found)]
-        return again[0], again[1]
-
-    def _design_effect(self) -> FloatArray:
-        """Variance between fields over the binomial one, per bin; NaN where either is unknown."""
-        n_groups = len(self.n_true)
-        n_true, n_found = self.n_true.sum(axis=0, dtype=np.int64), self.n_found.sum(axis=0, dtype=np.int64)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            fraction = n_found / n_true
-            between = ((self.n_found - fraction * self.n_true) ** 2).sum(axis=0) * n_groups / max(n_groups - 1, 1)
-            effect = between / (n_true * fraction * (1.0 - fraction))
-        return np.where((n_groups > 1) & np.isfinite(effect), effect, np.nan)
+        weights = field_weights(len(self.n_true), rng, n_resamples)
+        return resampled_sums(weights, self.n_true), resampled_sums(weights, self.n_found)
 
 
 def crossings(log_centre: FloatArray, n_found: NDArray[np.int64], n_true: NDArray[np.int64]) -> FloatArray:
@@ -192,14 +187,4 @@ def rising_fractions(n_found: NDArray[np.int64], n_true: NDArray[np.int64]) -> F
         least = np.minimum.accumulate(fraction[..., ::-1], axis=-1)[..., ::-1]
         least = np.where(np.isinf(least), -np.inf, least)
         np.maximum(result[..., a:], least, out=result[..., a:])
-    return result
-
-
-def _inner_quantiles(again: FloatArray) -> FloatArray:
-    """(2, bins) one-sigma quantiles over resamples, leaving out resamples without a source in the bin."""
-    result = np.full((2, again.shape[1]), np.nan)
-    for column, values in enumerate(again.T):
-        finite = values[np.isfinite(values)]
-        if len(finite):
-            result[:, column] = np.quantile(finite, (TAIL, 1.0 - TAIL))
     return result

@@ -7,6 +7,7 @@ Limits   a quantile is uncertain by less than one bin width; values beyond the e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -93,21 +94,30 @@ class Summary:
 
     def quantile(self, fraction: float) -> float:
         """Value below which a fraction of the values lies."""
-        if not self.n:
-            return float("nan")
-        wanted = min(max(fraction, 0.0), 1.0) * self.n
-        if wanted > 0.0:
-            place = int(np.searchsorted(self.below, wanted, side="left")) - 1
-        else:  # the lower edge of the first bin with anything
-            place = int(np.searchsorted(self.below, 0, side="right")) - 1
-        inside = (wanted - self.below[place]) / (self.below[place + 1] - self.below[place])
-        first, last = np.log(self.edges[place : place + 2]) if self.is_log else self.edges[place : place + 2]
-        value = first + inside * (last - first)
-        return float(np.exp(value) if self.is_log else value)
+        return float(self._quantiles(np.array([fraction]))[0])
 
     def quantile_interval(self, fraction: float, confidence: float = ONE_SIGMA) -> tuple[float, float]:
         """Interval of a quantile from the binomial spread of its rank (any distribution)."""
+        _, lower, upper = self.quantiles_with_intervals((fraction,), confidence)[0]
+        return float(lower), float(upper)
+
+    def quantiles_with_intervals(self, fractions: Sequence[float], confidence: float = ONE_SIGMA) -> FloatArray:
+        """(k, 3) quantile, lower and upper end of each fraction; the ends as in `quantile_interval`."""
+        wanted = np.asarray(fractions, dtype=np.float64)
+        half = float(ndtri(0.5 + confidence / 2.0)) * np.sqrt(wanted * (1.0 - wanted) / max(self.n, 1))
+        return self._quantiles(np.stack((wanted, wanted - half, wanted + half), axis=-1))
+
+    def _quantiles(self, fractions: FloatArray) -> FloatArray:
+        """The quantile of each fraction; all NaN when there are no values."""
         if not self.n:
-            return float("nan"), float("nan")
-        half = float(ndtri(0.5 + confidence / 2.0)) * float(np.sqrt(fraction * (1.0 - fraction) / self.n))
-        return self.quantile(fraction - half), self.quantile(fraction + half)
+            return np.full(fractions.shape, np.nan)
+        wanted = np.clip(fractions, 0.0, 1.0) * self.n
+        place = np.searchsorted(self.below, wanted, side="left") - 1
+        first_with_any = int(np.searchsorted(self.below, 0, side="right")) - 1
+        place = np.maximum(place, first_with_any)  # rank 0 is the lower edge of the first bin with anything
+        inside = (wanted - self.below[place]) / (self.below[place + 1] - self.below[place])
+        first, last = self.edges[place], self.edges[place + 1]
+        if self.is_log:
+            first, last = np.log(first), np.log(last)
+        value = first + inside * (last - first)
+        return np.asarray(np.exp(value) if self.is_log else value, dtype=np.float64)

@@ -17,6 +17,7 @@ from scipy.special import betaincinv, gammaincinv, ndtri
 from survey_mc.types import FloatArray
 
 ONE_SIGMA = erf(1.0 / sqrt(2.0))  # 0.6827, the confidence of ±1σ of a Gaussian
+CLAIM = 0.95  # confidence of the intervals given for claims
 Interval = tuple[FloatArray, FloatArray]
 
 

@@ -25,6 +25,7 @@ RATIOS = {
     "counts / counts_expected": ("counts", "counts_expected"),
     "flux / flux_true": ("flux_cgs", "flux_true_cgs"),
 }
+QUANTILES = (0.5, 0.16, 0.84)
 RATIO_EDGES = 10.0 ** np.linspace(-2.0, 2.0, 1001)
 
 
@@ -49,19 +50,18 @@ class Photometry:
             self.ratios[name].add(matched, ratio)
 
     def table(self, flux_limit_cgs: float = float("nan")) -> DataFrame:
-        """A row for each ratio and part: n, median with interval, q16, q84, mean, mean_err, stdev."""
+        """A row for each ratio and part: n, median, q16 and q84 with intervals, mean, mean_err, stdev."""
         import pandas as pd
 
         rows = []
         for name, values in self.ratios.items():
             for part in values.parts(flux_limit_cgs):
                 s = part.summary
+                quantiles = s.quantiles_with_intervals(QUANTILES).ravel()
                 rows.append(
-                    (
-                        *(name, part.selection, part.lower_edge, part.upper_edge, s.n),
-                        *(s.quantile(0.5), *s.quantile_interval(0.5), s.quantile(0.16), s.quantile(0.84)),
-                        *(s.mean, s.mean_err, s.stdev),
-                    )
-                )
-        names = "ratio selection lower_edge upper_edge n median median_lower median_upper q16 q84 mean mean_err stdev"
-        return pd.DataFrame(rows, columns=names.split())
+                    (*(name, part.selection, part.lower_edge, part.upper_edge, s.n), *quantiles,
+                     *(s.mean, s.mean_err, s.stdev))
+                )  # fmt: skip
+        ends = (f"{name}{end}" for name in ("median", "q16", "q84") for end in ("", "_lower", "_upper"))
+        columns = ["ratio", "selection", "lower_edge", "upper_edge", "n", *ends, "mean", "mean_err", "stdev"]
+        return pd.DataFrame(rows, columns=columns)

@@ -11,6 +11,7 @@ import pandas as pd
 from survey_mc.columns import MATCHES
 from survey_mc.units import rate_from_flux
 
+AXIS_PIX, SCALE_ARCSEC = 255.5, 4.0
 FLUX_PER_RATE_CGS = {"soft": 6.70e-13, "hard": 3.66e-12}
 
 
@@ -51,9 +52,10 @@ class FakeRun:
         cell = next(c for c in self.cells if c.label == cell_label)
         for realisation in range(cell.realisations):
             truth = _truth(cell, realisation)
-            if table == "matches":
+            if table != "truth":
                 method = next(m for m in self.methods if m.label == method_label)
                 frame = _matches(cell, method, realisation, truth)
+                frame = _detections(frame, truth) if table == "detections" else frame
             else:
                 frame = truth
             yield frame if columns is None else frame[list(columns)]
@@ -80,8 +82,27 @@ def _truth(cell, realisation):
     offaxis = 17.0 * np.sqrt(rng.random(n))
     counts = rate_from_flux(flux_cgs, FLUX_PER_RATE_CGS[cell.band]) * cell.exposure_ks * 1e3
     expected = counts * (1.0 - 0.0047 * offaxis**2 * 0.5)
+    angle = 2.0 * np.pi * rng.random(n)
+    x_arcsec, y_arcsec = 60.0 * offaxis * np.cos(angle), 60.0 * offaxis * np.sin(angle)
     return pd.DataFrame({"flux_cgs": flux_cgs, "offaxis_arcmin": offaxis, "counts_onaxis": counts,
-                         "counts_expected": expected, "source_id": np.arange(n, dtype=np.int32)})  # fmt: skip
+                         "counts_expected": expected, "source_id": np.arange(n, dtype=np.int32),
+                         "realisation": np.int32(realisation), "kind": "point", "x_arcsec": x_arcsec,
+                         "y_arcsec": y_arcsec, "x_pix": AXIS_PIX + x_arcsec / SCALE_ARCSEC,
+                         "y_pix": AXIS_PIX + y_arcsec / SCALE_ARCSEC})  # fmt: skip
+
+
+def _detections(matches, truth):
+    """The detections behind the rows of the first rule, at their sources; extents that grow with the source's id."""
+    found = matches[(matches["rule"] == "nearest") & (matches["det_id"] >= 0)].reset_index(drop=True)
+    known = truth.set_index("source_id").reindex(found["source_id"])
+    axis_arcmin = found["offaxis_arcmin"].to_numpy()
+    return found[["realisation", "det_id", "counts", "offaxis_arcmin"]].assign(
+        x_pix=known["x_pix"].fillna(pd.Series(AXIS_PIX + 60.0 * axis_arcmin / SCALE_ARCSEC, known.index)).to_numpy(),
+        y_pix=known["y_pix"].fillna(AXIS_PIX).to_numpy(),
+        r50_arcsec=np.where(found["source_id"] % 7 == 0, 30.0, 10.0) + found["det_id"] % 5,
+        EXT_ML=np.where(found["source_id"] % 7 == 0, 20.0, 0.0),
+        stellarity=np.where(found["source_id"] % 7 == 0, 0.05, 0.9),
+    )
 
 
 def _matches(cell, method, realisation, truth):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from survey_mc.report.figures.classification import classification_figure
 from survey_mc.report.figures.completeness import completeness_figure
 from survey_mc.report.figures.counts import differential_figure, integral_figure
 from survey_mc.report.figures.measures import cost_figure, false_figure, photometry_figure, position_figure
@@ -39,6 +40,7 @@ def _candidates(source: RunSource, tables: Mapping[str, DataFrame]) -> Iterator[
     for by in ("counts", "flux"):
         yield from _by_kind(tables["photometry"], partial(photometry_figure, cells=cells, look=look, rule=rule, by=by))
     yield from _by_kind(tables["astrometry"], partial(position_figure, cells=cells, look=look, rule=rule))
+    yield classification_figure(tables["classification_curve"], tables["classification"], cells, look, rule)
     yield cost_figure(tables["cpu_seconds"], cells, look)
 
 

@@ -18,6 +18,7 @@ LEFT_INCHES, RIGHT_INCHES, TOP_INCHES, BOTTOM_INCHES = 0.68, 0.15, 0.28, 0.82  #
 GAP_INCHES, ROW_GAP_INCHES = 0.22, 0.68
 INCHES_PER_LETTER, TICK_INCHES, LABEL_INCHES_MAX = 0.085, 0.25, 3.0
 LEGEND_COLUMNS = 7
+LEGEND_MARK_INCHES = 0.55  # beside the text of an entry
 SHORT_AXIS_DECADES = 1.5
 BAR_STRENGTH = 0.55
 MINOR_TICK_POINTS = 5.0  # half of it is outside the axes and cut off
@@ -69,8 +70,9 @@ def panel_figure(
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 handles[label] = handle  # the last one: pale parts of a curve come first
         if handles:
-            n_lines = -(-len(handles) // LEGEND_COLUMNS)
-            columns = -(-len(handles) // n_lines)
+            widest = max(map(len, handles)) * INCHES_PER_LETTER + LEGEND_MARK_INCHES
+            columns = max(1, min(LEGEND_COLUMNS, int(figure.get_figwidth() / widest)))
+            columns = -(-len(handles) // -(-len(handles) // columns))  # lines of equal length
             figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=columns)
         return png_of(figure)
 
