@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from survey_mc.campaign.inputs import sky_image_paths
 from survey_mc.campaign.keys import FIELD_VERSION, SKY_VERSION, content_key
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
@@ -69,7 +70,7 @@ def _cell(campaign: Campaign, index: int, band: BandName, exposure_ks: float) ->
     sky_key = content_key(
         sky_stream_key,
         sky=_of_band(campaign.sky.model_dump(mode="json"), band),
-        images=campaign.image_digests,
+        images={path: campaign.input_digests[path] for path in sky_image_paths(campaign.sky)},
         version=SKY_VERSION,
     )
     field_key = content_key(
@@ -98,11 +99,12 @@ def _methods(campaign: Campaign, field_key: str, observer: dict[str, Any], count
     # The rule a table shows and the limits of other exposures change no match: both rules are always stored.
     matching = campaign.match.model_dump(mode="json", exclude={"rule", "counts_min"})
     for choice in campaign.method:
+        contents = {name: campaign.input_digests[path] for name, path in choice.params.input_files().items()}
         detect_key = content_key(
             field_key,
             method=choice.name,
             version=DETECTORS[choice.name].version,
-            params=choice.params.model_dump(mode="json"),
+            params=choice.params.model_dump(mode="json") | contents,
             observer=observer,
         )
         match_key = content_key(detect_key, match=matching, counts_min=counts_min, version=MATCH_VERSION)

@@ -12,6 +12,7 @@ import numpy as np
 
 from survey_mc.campaign.cells import Cell, expand
 from survey_mc.campaign.draw import cell_response, draw_truth
+from survey_mc.campaign.inputs import located_params
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
 from survey_mc.errors import BadInput, SurveyError
@@ -45,8 +46,8 @@ def _check_methods(campaign: Campaign, shape: tuple[int, int], where: str) -> No
             )
         try:
             if check is not None:
-                check(choice.params, shape)
-        except ValueError as problem:
+                check(located_params(campaign, choice.params), shape)
+        except (ValueError, SurveyError) as problem:
             raise BadInput(where, f"method[{number}].params: {problem}") from None
 
 

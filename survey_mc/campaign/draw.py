@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from survey_mc.campaign.cells import Cell
-from survey_mc.campaign.images import sky_images
+from survey_mc.campaign.inputs import sky_images
 from survey_mc.campaign.keys import realisation_key
 from survey_mc.campaign.schema import Campaign
 from survey_mc.rng import stream

@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from survey_mc.campaign.check import check_campaign
-from survey_mc.campaign.images import image_digests
+from survey_mc.campaign.inputs import input_digests
 from survey_mc.campaign.quantities import MAX_NESTING, convert_quantities
 from survey_mc.campaign.schema import Campaign
 from survey_mc.campaign.sentences import sentence_of
@@ -66,13 +66,13 @@ def load_run_campaign(run_dir: Path) -> Campaign:
     if hashlib.sha256(text.encode()).hexdigest() != campaign_sha256:
         raise DamagedStore(f"{path}: {remedy}")
     campaign = parse_campaign(text, str(path), run_dir / "inputs")
-    if campaign.image_digests != inputs_sha256:
+    if campaign.input_digests != inputs_sha256:
         raise DamagedStore(f"{run_dir / 'inputs'}: {remedy}")
     return campaign
 
 
 def parse_campaign(text: str, where: str = "campaign", folder: Path | None = None) -> Campaign:
-    """Check the text of a campaign; `where` names it in errors, `folder` is what its image paths are relative to."""
+    """Check the text of a campaign; `where` names it in errors, `folder` is what its paths are relative to."""
     if max(text.count("["), text.count("{")) > MAX_NESTING and _nesting(text) > MAX_NESTING:
         raise BadInput(where, f"is nested more than {MAX_NESTING} levels deep")
     if max(part.count(".") for part in _KEY_END.split(_COMMENT_LINE.sub("", text))) > MAX_DOTS:
@@ -86,7 +86,7 @@ def parse_campaign(text: str, where: str = "campaign", folder: Path | None = Non
     campaign = _validate(convert_quantities(content, where), where)
     campaign._text = text
     campaign._folder = folder or Path()
-    campaign._image_digests = image_digests(campaign.sky, campaign.folder, where)
+    campaign._input_digests = input_digests(campaign, campaign.folder, where)
     check_campaign(campaign, where)
     return campaign
 

@@ -36,7 +36,7 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
         "about": campaign.about,
         "seed": campaign.seed,
         "campaign_sha256": hashlib.sha256(campaign.text.encode()).hexdigest(),
-        "inputs_sha256": dict(campaign.image_digests),
+        "inputs_sha256": dict(campaign.input_digests),
         "versions": library_versions(),
         "methods": [
             {

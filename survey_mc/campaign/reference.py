@@ -24,13 +24,20 @@ expands to; `survey-mc show schema` gives the same rules as JSON Schema for edit
 
 Keys say their unit. A number may also be a text with a unit of the same kind (`exposure_ks = ["10 ks", "2.8 h"]`).
 Unknown keys are refused, and the nearest known one is named. Nothing in a campaign is executed or followed, except
-the paths of sky images, which must lie below the campaign's own folder.
+the paths of sky images and of networks (`.nnw`), which must lie below the campaign's own folder.
 
 | file | what it does |
 |---|---|
 | `smoke.toml` | a few fields through all procedures; half a minute on two cores, and as long again to compile once |
 | `blank_fields.toml` | what each procedure finds where there is nothing |
+| `test1_point_pairs.toml` | pairs of point sources at 15, 30 and 60″ (paper, Sect. 4) |
+| `test2_point_extended_pairs.toml` | point sources beside clusters (paper, Sect. 5) |
+| `test3_field_points.toml` | a shallow field of point sources (paper, Sect. 6) |
+| `test4_field_clusters.toml` | the same points and five clusters (paper, Sect. 7) |
 | `test5_completeness.toml` | completeness and confusion of a shallow and a deep observation (paper, Sect. 8) |
+| `test5_isolated_grid.toml` | the same fluxes without neighbours (paper, Sect. 8) |
+| `options/*.toml` | one of these with one choice changed; `survey-mc paper` runs them all and measures what the choice does |
+| `classification_training.toml` | points and clusters to train the stellarity index (`survey-mc train-stellarity`) |
 
 This page is written by `python -m survey_mc.campaign.reference`.
 """

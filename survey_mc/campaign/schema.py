@@ -156,10 +156,10 @@ class Campaign(_Strict):
     )
     store: StoreSettings = Field(default_factory=StoreSettings, description="how results are cut into files")
 
-    # Its text, where it was read, and the SHA-256 of the sky images it names there; set once by the loader.
+    # Its text, where it was read, and the SHA-256 of the files it names there; set once by the loader.
     _text: str = PrivateAttr(default="")
     _folder: Path = PrivateAttr(default_factory=Path)
-    _image_digests: dict[str, str] = PrivateAttr(default_factory=dict)
+    _input_digests: dict[str, str] = PrivateAttr(default_factory=dict)
 
     @property
     def text(self) -> str:
@@ -168,13 +168,13 @@ class Campaign(_Strict):
 
     @property
     def folder(self) -> Path:
-        """Folder that the campaign's image paths are relative to."""
+        """Folder that the campaign's paths are relative to."""
         return self._folder
 
     @property
-    def image_digests(self) -> dict[str, str]:
-        """SHA-256 of each sky image the campaign names, by its path in the campaign."""
-        return self._image_digests
+    def input_digests(self) -> dict[str, str]:
+        """SHA-256 of each file the campaign names (sky images, networks), by its path in the campaign."""
+        return self._input_digests
 
     @model_validator(mode="after")
     def _whole(self) -> Campaign:

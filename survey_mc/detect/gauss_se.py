@@ -18,13 +18,13 @@ import pandas as pd
 from pydantic import Field
 
 from survey_mc.detect._sextractor.catalogue import SEP_COLUMNS, SEXTRACTOR_NAMES, Search, catalogue
-from survey_mc.detect._sextractor.sep_chain import FLAG_BITS, SepParams, mesh_background
+from survey_mc.detect._sextractor.sep_chain import FLAG_BITS, SepParams, check_network, mesh_background
 from survey_mc.detect._shared import smoothing
 from survey_mc.detect._shared.exact_threshold import excess_threshold_map
 from survey_mc.detect._shared.observed import granted_background, observed_pixels
 from survey_mc.detect._shared.poisson_background import LEAST_BACKGROUND_PER_PIX, clipped_mean_background
 from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame
-from survey_mc.detect.detector import Detector
+from survey_mc.detect.detector import R50, STELLARITY, Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
 LEAST_EXPOSURE_SHARE = 1e-6  # of the largest exposure; stands for 0 in divisions
@@ -64,11 +64,14 @@ class GaussSeParams(SepParams):
         11, ge=1, le=10_000, description="smallest number of connected pixels above the threshold (pixels)"
     )
 
+    def filter_sigma_pix(self, scale_arcsec: float) -> float:
+        return smoothing.sigma_pix_from_fwhm(self.fwhm_arcsec, scale_arcsec)
+
 
 def kernel_sigma_pix(observation: Observation, params: GaussSeParams) -> float:
     """Standard deviation of the Gaussian (pixels); ValueError if its kernel is too large to be worked with."""
     scale_arcsec = observation.grid.scale_arcsec
-    sigma_pix = smoothing.sigma_pix_from_fwhm(params.fwhm_arcsec, scale_arcsec)
+    sigma_pix = params.filter_sigma_pix(scale_arcsec)
     if sigma_pix > LARGEST_SIGMA_PIX:
         largest = LARGEST_SIGMA_PIX * scale_arcsec / smoothing.SIGMA_PER_FWHM
         raise ValueError(
@@ -170,7 +173,7 @@ MODERN = GaussSeParams(threshold_kind="poisson_exact", background="clipped_mean"
 DETECTOR = Detector(
     name="gauss_se",
     label="G+SE",
-    version=1,
+    version=2,
     about="Gaussian convolution followed by SExtractor's extraction, deblending and Kron photometry",
     reference="Valtchanov, Pierre & Gastaud 2001, Sect. 3.4; Bertin & Arnouts 1996",
     params=GaussSeParams,
@@ -181,4 +184,6 @@ DETECTOR = Detector(
     profiles={"paper": PAPER, "paper_clusters": CLUSTERS, "modern": MODERN},
     flag_bits=FLAG_BITS,
     native_names=SEXTRACTOR_NAMES,
+    extent_statistics=(STELLARITY, R50),
+    check=check_network,
 )

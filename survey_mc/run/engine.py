@@ -11,13 +11,14 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand, load_campaign, lock_content
-from survey_mc.campaign.images import resolve_image
+from survey_mc.campaign.inputs import resolve_input
 from survey_mc.errors import BadInput, SurveyError
-from survey_mc.run.executors import ExecutorChoice, open_executor, usable_cores
+from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.journal import Journal, known_failures
 from survey_mc.run.pack import drop_superseded, pack_shard, sweep
 from survey_mc.run.task import Order, Outcome
@@ -60,7 +61,7 @@ def default_run_dir(campaign: Campaign) -> Path:
 def run_campaign(
     campaign: Campaign | Path | str,
     out: Path | str | None = None,
-    executor: ExecutorChoice | None = None,
+    executor: ExecutorChoice | Executor | None = None,
     *,
     block: int | None = None,
     retry_failed: bool = False,
@@ -69,9 +70,9 @@ def run_campaign(
     """Simulate, detect and match all that is missing in a run directory.
 
     campaign: a loaded campaign or the path of a file. out: run directory, default results/<name>. executor: default a
-    local dask cluster on all cores. block: fields in one order, default chosen from the amount of work; no result
-    depends on it. retry_failed: try again what failed in an earlier run. Raises `SurveyError` (bad input, locked
-    directory, full disk).
+    local dask cluster on all cores; an opened one serves several runs. block: fields in one order, default chosen from
+    the amount of work; no result depends on it. retry_failed: try again what failed in an earlier run. Raises
+    `SurveyError` (bad input, locked directory, full disk).
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)
@@ -89,7 +90,7 @@ def run_campaign(
 def _run_locked(
     campaign: Campaign,
     layout: RunLayout,
-    choice: ExecutorChoice,
+    choice: ExecutorChoice | Executor,
     block: int | None,
     retry_failed: bool,
     on_progress: Callable[[Progress], None],
@@ -108,10 +109,9 @@ def _run_locked(
     if n_fields == 0:
         _tidy(layout, manifest, cells, per_file)
         return _summary(layout, cells, manifest, 0, 0, 0)
-    workers = 1 if choice.serial else choice.workers or usable_cores()
-    block = block or block_size(n_fields, workers, per_file)
+    block = block or block_size(n_fields, _expected_workers(choice), per_file)
     journal = Journal(layout)
-    with open_executor(choice) as executor:
+    with open_executor(choice) if isinstance(choice, ExecutorChoice) else nullcontext(choice) as executor:
         journal.start(executor.name, executor.workers, n_fields, block)
         # Orders are made lazily, from the manifest as it is now, while the live one grows.
         todo = orders(campaign, cells, Manifest(layout.manifest), layout.root, block, failed)
@@ -122,6 +122,12 @@ def _run_locked(
     summary = _summary(layout, cells, manifest, n_fields, skipped, quarantined)
     journal.finish(fields=n_fields, failed=summary.failed, skipped=skipped, quarantined=quarantined)
     return summary
+
+
+def _expected_workers(choice: ExecutorChoice | Executor) -> int:
+    if isinstance(choice, ExecutorChoice):
+        return 1 if choice.serial else choice.workers or usable_cores()
+    return choice.workers
 
 
 def _tidy(layout: RunLayout, manifest: Manifest, cells: tuple[Cell, ...], per_file: int) -> None:
@@ -205,16 +211,16 @@ def refuse_foreign(campaign: Campaign, layout: RunLayout) -> None:
 
 
 def write_campaign(campaign: Campaign, layout: RunLayout) -> None:
-    """Put the campaign, its sky images and the lock file into the run directory."""
+    """Put the campaign, the files it names and the lock file into the run directory."""
     if not campaign.text:
         raise SurveyError(
             "a campaign made in Python must be given as TOML text (parse_campaign) so that it can be kept"
         )
     lock_text = json.dumps(lock_content(campaign), indent=1, sort_keys=True) + "\n"
     _replace(layout.campaign, campaign.text)
-    for path in campaign.image_digests:
+    for path in campaign.input_digests:
         copy = layout.root / "inputs" / path
-        source = resolve_image(path, campaign.folder, "campaign")
+        source = resolve_input(path, campaign.folder, "campaign")
         if not (copy.exists() and copy.samefile(source)):
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, copy)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from survey_mc.campaign import Campaign, Cell, CellMethod
+from survey_mc.campaign.inputs import located_params
 from survey_mc.campaign.keys import realisation_key
 from survey_mc.columns import DETECTIONS, LINKS, MATCHES, TRUTH, Table
 from survey_mc.detect import DETECTORS, check_detections
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
 
 
 def method_choice_params(campaign: Campaign, method: CellMethod) -> object:
-    """Parameters of a cell's method."""
-    return next(choice.params for choice in campaign.method if choice.label == method.label)
+    """Parameters of a cell's method, with the files they name in their places."""
+    params = next(choice.params for choice in campaign.method if choice.label == method.label)
+    return located_params(campaign, params)
 
 
 def table_of(table: StoredTable, method_name: str = "") -> Table:

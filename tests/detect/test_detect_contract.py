@@ -68,7 +68,7 @@ def test_columns_are_put_in_the_declared_order_and_dtype(observation, frame):
 def test_every_mistake_is_a_sentence_with_the_detector_name(observation, frame, change, sentence):
     with pytest.raises(DetectorContractError, match=sentence) as caught:
         check_detections(DETECTOR, observation, change(frame))
-    assert "'gauss_se' version 1" in str(caught.value)
+    assert f"'gauss_se' version {DETECTOR.version}" in str(caught.value)
 
 
 def test_nan_is_allowed_where_nothing_is_known(observation, frame):

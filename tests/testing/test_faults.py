@@ -29,7 +29,7 @@ def test_the_report_lists_what_is_broken_and_nothing_else() -> None:
         testing.check_detector(broken)
 
     head, *lines = str(caught.value).splitlines()
-    assert head == f"detector 'gauss_se' version 1 breaks 2 of {len(testing.CLAIMS)} claims"
+    assert head == f"detector 'gauss_se' version {broken.version} breaks 2 of {len(testing.CLAIMS)} claims"
     assert [line.split(":")[0].strip() for line in lines] == ["empty_image_gives_no_rows", "one_photon_is_survived"]
     assert "found ZeroDivisionError: no photons (planted_faults.py, line " in lines[0]
     assert [v.claim.name for v in caught.value.conformance.broken] == [line.split(":")[0].strip() for line in lines]

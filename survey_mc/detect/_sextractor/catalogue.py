@@ -13,8 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from survey_mc.columns import Column
+from survey_mc.detect._sextractor import stellarity
 from survey_mc.detect._sextractor.aperture_correction import aperture_fraction
 from survey_mc.detect._sextractor.sep_chain import (
     FLAG_APERTURE_MASKED,
@@ -29,6 +31,8 @@ from survey_mc.detect._sextractor.sep_chain import (
 from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, empty_frame, ordered_frame, rates_and_fluxes
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
 
+N_ISOPHOTES = 8
+
 SEP_COLUMNS = (
     Column("kron_radius", "float64", "Kron radius in units of the ellipse (a_pix, b_pix)", ucd="phys.angSize;src"),
     Column("aperture_pix", "float64", "radius of the circle as large as the Kron aperture", "pixel", "phys.angSize"),
@@ -41,6 +45,11 @@ SEP_COLUMNS = (
     Column("peak_per_pix", "float64", "highest background-subtracted filtered pixel", "count", "phot.count;stat.max"),
     Column("threshold_per_pix", "float64", "detection threshold above the background there", "count", "instr.det"),
     Column("sep_flag", "int32", "flag of the extraction as sep returns it", ucd="meta.code.qual"),
+    *(
+        Column(f"iso{i}_pix", "int32", f"pixels above threshold × (peak / threshold)^({i}/8)", "pixel", "phys.area")
+        for i in range(N_ISOPHOTES)
+    ),
+    Column("stellarity", "float64", "neural index: 0 extended … 1 point", ucd="src.class.starGalaxy"),
 )
 
 # What SExtractor calls the same quantity in the same unit; KRON_RADIUS, ELLIPTICITY and FLAGS differ in capitals only.
@@ -55,6 +64,8 @@ SEXTRACTOR_NAMES = {
     "FLUX_ISO": "iso_counts",
     "FLUX_MAX": "peak_per_pix",
     "THRESHOLD": "threshold_per_pix",
+    **{f"ISO{i}": f"iso{i}_pix" for i in range(N_ISOPHOTES)},
+    "CLASS_STAR": "stellarity",
 }
 
 LEAST_RELATIVE_EXPOSURE = 1e-20  # below it a photon's brightness does not fit single precision
@@ -88,6 +99,7 @@ def catalogue(observation: Observation, search: Search, params: SepParams) -> pd
         return empty_frame(columns)
     values = isophotal_values(observation, search, signal, found)
     values |= photometry(observation, search, signal, found, values["exposure_s"], params)
+    values |= classification(observation, search, signal, found, params)
     values["flags"] = found.objects["flag"] | values["flags"] | found.flags
     return ordered_frame(values | rates_and_fluxes(observation, values), columns)
 
@@ -120,6 +132,33 @@ def isophotal_values(observation: Observation, search: Search, signal: Float32Im
     }
 
 
+def classification(
+    observation: Observation, search: Search, signal: Float32Image, found: Extraction, params: SepParams
+) -> Values:
+    """Isophotal areas and the stellarity index."""
+    from survey_mc.detect._sextractor.isophotes import isophotal_areas  # numba: imported when it is first needed
+
+    objects = found.objects
+    peak = np.asarray(objects["peak"], dtype=np.float64)
+    threshold = search.threshold[objects["ypeak"], objects["xpeak"]].astype(np.float64)
+    segments = np.ascontiguousarray(found.segments, dtype=np.int32)
+    areas_pix = isophotal_areas(segments, bounding_boxes(found), signal, peak, threshold)
+    scale_arcsec = observation.grid.scale_arcsec
+    index = stellarity.stellarity(
+        areas_pix,
+        peak / threshold,
+        params.seeing(observation.psf, scale_arcsec),
+        scale_arcsec,
+        stellarity.open_network(params.stellarity_network),
+    )
+    return {f"iso{i}_pix": areas_pix[:, i] for i in range(N_ISOPHOTES)} | {"stellarity": index}
+
+
+def bounding_boxes(found: Extraction) -> NDArray[np.int64]:
+    """First and last column, first and last row (n, 4) of the objects, inclusive."""
+    return np.stack([found.objects[name] for name in ("xmin", "xmax", "ymin", "ymax")], axis=1).astype(np.int64)
+
+
 def barycentre_variances(search: Search, signal: Float32Image, found: Extraction) -> FloatArray:
     """Photon-noise variances (n, 2) of the barycentres, pix²."""
     from survey_mc.detect._sextractor.centroid_errors import (
@@ -127,7 +166,6 @@ def barycentre_variances(search: Search, signal: Float32Image, found: Extraction
     )
 
     objects = found.objects
-    box = np.stack([objects[name] for name in ("xmin", "xmax", "ymin", "ymax")], axis=1).astype(np.int64)
     centre = np.stack([objects["x"], objects["y"]], axis=1).astype(np.float64)
     expected = search.filtered
     if search.relative_exposure is not None:
@@ -136,7 +174,7 @@ def barycentre_variances(search: Search, signal: Float32Image, found: Extraction
         expected = np.divide(expected, search.relative_exposure, out=np.zeros(expected.shape), where=seen)
     variance: FloatArray = barycentre_variance(
         np.ascontiguousarray(found.segments, dtype=np.int32),
-        box,
+        bounding_boxes(found),
         centre,
         np.asarray(objects["flux"], dtype=np.float64),
         signal,

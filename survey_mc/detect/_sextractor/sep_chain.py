@@ -3,7 +3,8 @@
 Idea     the search image is already filtered, so nothing is convolved here; every saddle splits an object (64 levels,
          zero contrast).
 Source   paper Sect. 3.4; Bertin & Arnouts 1996 A&AS 117, 393; Barbary 2016 JOSS 1, 58 (sep).
-Limits   sep has no CLASS_STAR. Its buffer limits are process-wide: one thread only.
+Limits   sep has neither isophotal areas nor CLASS_STAR; they are made elsewhere. Its buffer limits are
+         process-wide: one thread only.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from typing import Literal
 import numpy as np
 import sep
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from survey_mc.detect._sextractor.seeing import smoothed_fwhm_arcsec
+from survey_mc.detect._sextractor.stellarity import FILE_SUFFIX, SHIPPED_NETWORKS, is_shipped, open_network
 from survey_mc.detect.detector import DetectorParams
-from survey_mc.types import BoolArray, IntImage
+from survey_mc.types import BoolArray, IntImage, Psf
 
 FLAG_MERGED = 1 << 0  # bits 0 to 7 as in sep
 FLAG_TRUNCATED = 1 << 1
@@ -83,6 +86,42 @@ class SepParams(DetectorParams):
     aperture_correction: Literal["none", "psf_table"] = Field(
         "none", description="none (paper), or divide counts by the encircled energy of the believed PSF in the aperture"
     )
+    stellarity_network: str = Field(
+        "xmm_epic",
+        max_length=1000,
+        description=f"neural network of the stellarity index: {', '.join(SHIPPED_NETWORKS)}, or the path of a file in "
+        "SExtractor's format (.nnw), in a campaign below its folder",
+    )
+    seeing_arcsec: float | None = Field(
+        None,
+        ge=0.01,
+        le=3600.0,
+        description="FWHM of a point source in the filtered image for the stellarity index (arcsec); default: believed "
+        "PSF and filter together",
+    )
+
+    @field_validator("stellarity_network")
+    @classmethod
+    def _name_or_file(cls, network: str) -> str:
+        if not is_shipped(network) and not network.endswith(FILE_SUFFIX):
+            raise ValueError(f"must be {', '.join(SHIPPED_NETWORKS)}, or the path of a file that ends in {FILE_SUFFIX}")
+        return network
+
+    def seeing(self, psf: Psf, scale_arcsec: float) -> float:
+        """FWHM (arcsec) of a point source for the stellarity index; psf: the believed one."""
+        return self.seeing_arcsec or smoothed_fwhm_arcsec(psf, self.filter_sigma_pix(scale_arcsec), scale_arcsec)
+
+    def filter_sigma_pix(self, scale_arcsec: float) -> float:
+        """Standard deviation of the Gaussian that widens a point source as the filter does; 0: no filter."""
+        return 0.0
+
+    def input_files(self) -> dict[str, str]:
+        return {} if is_shipped(self.stellarity_network) else {"stellarity_network": self.stellarity_network}
+
+
+def check_network(params: SepParams, shape: tuple[int, int]) -> None:
+    """Raise BadInput if the network of the stellarity index cannot be used; it fits images of any shape."""
+    open_network(params.stellarity_network)
 
 
 @dataclass(frozen=True, slots=True)
