@@ -1,0 +1,77 @@
+"""Run the whole study: every campaign on one set of workers, then tables, scorecard, figures and page.
+
+Idea     each campaign has its own run directory below the study's folder, with lock, manifest and journal like any
+         other; started again, the study does what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from survey_mc.campaign import load_resized
+from survey_mc.errors import BadInput
+from survey_mc.paper.study import StudyCampaign, StudySize, study_campaigns
+from survey_mc.run import Progress, RunSummary, run_campaign
+from survey_mc.run.executors import ExecutorChoice, open_executor
+
+DEFAULT_OUT = Path("results") / "valtchanov2001"
+DEFAULT_CAMPAIGNS = Path("campaigns")
+
+ShowProgress = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
+
+
+@dataclass(frozen=True, slots=True)
+class StudySummary:
+    """What a study did: the runs by campaign name."""
+
+    root: Path
+    runs: dict[str, RunSummary]
+
+    @property
+    def fields(self) -> int:
+        return sum(run.fields for run in self.runs.values())
+
+    @property
+    def complete(self) -> bool:
+        return all(run.complete for run in self.runs.values())
+
+
+def run_study(
+    size: StudySize,
+    out: Path = DEFAULT_OUT,
+    campaigns: Path = DEFAULT_CAMPAIGNS,
+    executor: ExecutorChoice | None = None,
+    *,
+    with_options: bool = True,
+    show_progress: ShowProgress | None = None,
+) -> StudySummary:
+    """Simulate, detect and match all that is missing in the study.
+
+    out: folder of the study; each campaign's run directory is `out/<name>`. campaigns: folder of the campaign files.
+    Raises `BadInput` before anything is done if a campaign file is missing or wrong.
+    """
+    chosen = tuple(study_campaigns(with_options))
+    loaded = {c.name: load_resized(_existing(c, campaigns), size.fields(c)) for c in chosen}
+    runs: dict[str, RunSummary] = {}
+    with open_executor(executor or ExecutorChoice()) as opened:
+        for place, study in enumerate(chosen, start=1):
+            title = f"{study.name} ({place} of {len(chosen)})"
+            with (show_progress or _silent)(title) as on_progress:
+                runs[study.name] = run_campaign(loaded[study.name], out / study.name, opened, on_progress=on_progress)
+    return StudySummary(out, runs)
+
+
+def _existing(study: StudyCampaign, campaigns: Path) -> Path:
+    path = study.file(campaigns)
+    if not path.is_file():
+        raise BadInput(
+            str(path), "there is no such campaign file; run this where the `campaigns` folder is, or give --campaigns"
+        )
+    return path
+
+
+def _silent(title: str) -> AbstractContextManager[Callable[[Progress], None]]:
+    return nullcontext(lambda state: None)
