@@ -1,0 +1,121 @@
+"""The page of the study: what was reproduced, number by number, and every figure.
+
+Idea     one table for each table or section of the paper, published number beside ours, with verdict and cause; the
+         figures beside the page as PNG and PDF.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from survey_mc.paper.choices import CHOICES
+from survey_mc.paper.results import StudyResults
+from survey_mc.paper.verdict import RULE
+from survey_mc.report.markup import Html, join, tag
+from survey_mc.report.numbers import DASH, between, plain, power
+from survey_mc.report.page_shell import FILES_BESIDE, Section, heading, page, plain_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+PAPER = "Valtchanov, Pierre & Gastaud 2001, A&A 370, 689"
+SMALL = 1e-3
+VERDICTS = ("reproduced", "differs", "not comparable")
+COLUMNS = ("quantity", "method", "published", "ours", "68 %", "n", "verdict", "cause")
+FOLDED_ROWS = 20  # longer groups start folded
+
+
+def study_page(results: StudyResults, scorecard: DataFrame, figures: Sequence[tuple[str, str, str]]) -> str:
+    """The page as text. figures: (name, title, caption) of the files in `figures/`."""
+    header = heading(
+        "The paper, reproduced",
+        f"Every published number of {PAPER}, beside the same statistic of our simulations.",
+        {
+            "campaigns": len(results.campaigns),
+            "fields": sum(_n_fields(results, c.name) for c in results.campaigns),
+            "published numbers": len(scorecard),
+            **{verdict: int((scorecard["verdict"] == verdict).sum()) for verdict in VERDICTS},
+        },
+    )
+    groups = list(dict.fromkeys(scorecard["where"]))
+    anchors = tuple((f"rows-{place}", where) for place, where in enumerate(groups))
+    tables = [
+        _group(anchor, where, scorecard[scorecard["where"] == where])
+        for (anchor, _), where in zip(anchors, groups, strict=True)
+    ]
+    drawn = tuple((f"figure-{name}", title) for name, title, _ in figures)
+    sections = (
+        Section("summary", "Summary", _summary(scorecard)),
+        Section("scorecard", "Number by number", join(tables), anchors),
+        Section("figures", "Figures", join(_figure(*figure) for figure in figures), drawn),
+        Section("rule", "How a verdict is made", join(tag("p", paragraph) for paragraph in RULE)),
+        Section("choices", "How choices were made", join(tag("p", paragraph) for paragraph in CHOICES)),
+        Section("campaigns", "Campaigns", _campaigns(results)),
+    )
+    return page("The paper, reproduced – survey_mc", header, sections, FILES_BESIDE)
+
+
+def _summary(scorecard: DataFrame) -> Html:
+    rows: list[list[object]] = []
+    for where in dict.fromkeys(scorecard["where"]):
+        verdicts = scorecard.loc[scorecard["where"] == where, "verdict"]
+        rows.append([where, len(verdicts), *(int((verdicts == verdict).sum()) or DASH for verdict in VERDICTS)])
+    totals = (int((scorecard["verdict"] == verdict).sum()) for verdict in VERDICTS)
+    rows.append([tag("b", "all"), *(tag("b", number) for number in (len(scorecard), *totals))])
+    files = (tag("a", name, href=name) for name in ("scorecard.csv", "scorecard.parquet", "option_effects.csv"))
+    return join(
+        [plain_table(("place", "numbers", *VERDICTS), rows), tag("p", "Files: ", join(files, between=", "), ".")]
+    )
+
+
+def _group(anchor: str, where: str, rows: DataFrame) -> Html:
+    table = plain_table(COLUMNS, [_cells(row) for row in rows.to_dict("records")])
+    title = tag("h3", where, id=anchor)
+    if len(rows) > FOLDED_ROWS:
+        return join([title, tag("details", tag("summary", f"{len(rows)} numbers"), table)])
+    return join([title, table])
+
+
+def _cells(row: dict[str, Any]) -> list[object]:
+    unit = f" {row['unit']}" if row["unit"] else ""
+    median, interval = _value(row["median"], row["lower_68"], row["upper_68"])
+    quantity = join([row["quantity"], tag("br"), tag("small", row["statistic"])])
+    where = join([row["method"] or DASH, tag("br"), tag("small", row["condition"])])
+    verdict = join([tag("b", row["verdict"]), tag("br"), tag("small", row["reason"])])
+    cause = join([part for part in (row["cause"], row["effect"] and tag("small", row["effect"])) if part], tag("br"))
+    return [quantity, where, f"{row['published']}{unit}", median, interval, row["n"] or DASH, verdict, cause or DASH]
+
+
+def _value(value: float, lower: float, upper: float) -> tuple[str, str]:
+    if math.isfinite(value) and 0.0 < abs(value) < SMALL:
+        return power(value, lower, upper)
+    return plain(value), between(lower, upper)
+
+
+def _figure(name: str, title: str, caption: str) -> Html:
+    picture = tag("img", src=f"figures/{name}.png", alt=f"{title}. {caption}", loading="lazy")
+    links = join([tag("a", kind.upper(), href=f"figures/{name}.{kind}") for kind in ("png", "pdf")], between=", ")
+    return join(
+        [
+            tag("h3", title, id=f"figure-{name}"),
+            tag("figure", picture, tag("figcaption", caption, " ", links, ".")),
+        ]
+    )
+
+
+def _campaigns(results: StudyResults) -> Html:
+    rows: list[list[object]] = []
+    for campaign in results.campaigns:
+        lock = results.run(campaign.name).data.lock
+        link = tag("a", campaign.name, href=f"{campaign.name}/campaign.toml")
+        locked = tag("a", "lock file", href=f"{campaign.name}/campaign.lock.json")
+        rows.append([link, lock.get("about", ""), _n_fields(results, campaign.name), lock.get("seed", DASH), locked])
+    versions: dict[str, str] = results.run(results.campaigns[0].name).data.lock.get("versions", {})
+    made = tag("p", "Made with ", ", ".join(f"{name} {version}" for name, version in versions.items()), ".")
+    return join([plain_table(("campaign", "what it is", "fields", "seed", "resolved"), rows), made])
+
+
+def _n_fields(results: StudyResults, campaign: str) -> int:
+    return sum(cell.realisations for cell in results.run(campaign).data.cells)
