@@ -13,7 +13,7 @@ from survey_mc.campaign.draw import cell_response
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
 
-LOCK_SCHEMA = 1
+LOCK_SCHEMA = 2  # what `store.RunData` reads; 2: cells have the observed area of their region
 _LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", "dask", "distributed", "pydantic")
 
 
@@ -64,6 +64,7 @@ def _cell_entry(campaign: Campaign, cell: Cell) -> dict[str, Any]:
         "realisations": cell.realisations,
         "counts_min": cell.counts_min,
         "region_arcmin": campaign.match.region_arcmin,
+        "region_deg2": response.observed_deg2(campaign.match.region_arcmin),
         "radius_arcsec": campaign.match.radius_arcsec,
         "rule": campaign.match.rule,
         "flux_per_rate_cgs": response.band.flux_per_rate_cgs,

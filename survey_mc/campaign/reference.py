@@ -36,7 +36,7 @@ the paths of sky images and of networks (`.nnw`), which must lie below the campa
 | `test4_field_clusters.toml` | the same points and five clusters (paper, Sect. 7) |
 | `test5_completeness.toml` | completeness and confusion of a shallow and a deep observation (paper, Sect. 8) |
 | `test5_isolated_grid.toml` | the same fluxes without neighbours (paper, Sect. 8) |
-| `options/*.toml` | one of these with one choice changed; `survey-mc paper` runs them all and measures what the choice does |
+| `options/*.toml` | one of these with one choice changed; `survey-mc paper` measures what it does |
 | `classification_training.toml` | points and clusters to train the stellarity index (`survey-mc train-stellarity`) |
 
 This page is written by `python -m survey_mc.campaign.reference`.

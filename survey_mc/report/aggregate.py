@@ -24,7 +24,6 @@ from survey_mc.stats.bins import COUNTS_BINS, FLUX_BINS
 from survey_mc.stats.extent_sums import MAX_GROUPS
 from survey_mc.stats.resampling import field_weights, n_field_groups
 from survey_mc.types import FloatArray
-from survey_mc.units import deg2_of_circle
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -139,7 +138,7 @@ def method_tables(source: RunSource, cell: CellLike, method: MethodLike, inputs:
 def _rule_tables(cell: CellLike, sums: RuleSums, n_fields: int, inputs: InputCounts) -> Rows:
     import pandas as pd
 
-    area_deg2 = deg2_of_circle(cell.region_arcmin)
+    area_deg2 = cell.region_deg2
     sums.counts.n_input[:] = inputs.n_input
     areas_deg2 = (area_deg2 * n_fields, area_deg2 * inputs.n_fields)
     rows: dict[str, list[DataFrame]] = {}

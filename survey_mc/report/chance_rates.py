@@ -20,7 +20,6 @@ from survey_mc.rng import stream
 from survey_mc.stats.classification import rate_of
 from survey_mc.stats.resampling import field_weights
 from survey_mc.types import BoolArray, FloatArray
-from survey_mc.units import deg2_of_circle
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -108,7 +107,7 @@ class ChanceSums:
         import pandas as pd
 
         rows = []
-        area_deg2 = deg2_of_circle(self.listed.cell.region_arcmin)
+        area_deg2 = self.listed.cell.region_deg2
         for catalogue, fields in self.numbers.items():
             if not fields:
                 continue

@@ -21,6 +21,8 @@ from survey_mc.store.parquet import read_piece
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+LOCK_SCHEMA = 2  # as `campaign.lock` writes it
+
 
 @dataclass(frozen=True, slots=True)
 class MethodRecord:
@@ -34,8 +36,8 @@ class MethodRecord:
 class CellRecord:
     """One combination of the grid, with the numbers a table needs and the keys of its stages.
 
-    counts_min: count limit of the input list. region_arcmin: radius of the analysed region. detect_keys, match_keys:
-    content keys by method label.
+    counts_min: count limit of the input list. region_arcmin: radius of the analysed region; region_deg2: observed
+    area in it. detect_keys, match_keys: content keys by method label.
     """
 
     label: str
@@ -45,6 +47,7 @@ class CellRecord:
     realisations: int
     counts_min: float
     region_arcmin: float
+    region_deg2: float
     radius_arcsec: float
     rule: str
     flux_per_rate_cgs: float
@@ -79,8 +82,12 @@ class RunData:
         path = self.layout.lock_file
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            if content["lock_schema"] != 1:
-                raise BadInput(str(path), f"lock_schema must be 1 (got {content['lock_schema']!r})")
+            if content["lock_schema"] != LOCK_SCHEMA:
+                raise BadInput(
+                    str(path),
+                    f"was written by another version (lock_schema {content['lock_schema']!r}, this one reads "
+                    f"{LOCK_SCHEMA}); `survey-mc run` with the campaign file rewrites it and keeps what is stored",
+                )
         except FileNotFoundError:
             raise BadInput(str(self.layout.root), "is not a run directory (it has no campaign.lock.json)") from None
         except NotADirectoryError:

@@ -19,7 +19,7 @@ from survey_mc.telescope.psf import KingPsf
 from survey_mc.telescope.settings import BandNumbers, InstrumentSettings
 from survey_mc.telescope.vignetting import NO_VIGNETTING, Coefficients, check_coefficients, held_vignetting
 from survey_mc.types import Band, BoolArray, FloatArray, FloatImage, PixelGrid, Psf
-from survey_mc.units import ARCSEC_PER_ARCMIN
+from survey_mc.units import ARCSEC_PER_ARCMIN, ARCSEC_PER_DEG, deg2_of_circle
 
 if TYPE_CHECKING:
     from astropy.wcs import WCS
@@ -54,6 +54,15 @@ class Response:
     def half_width_arcsec(self) -> float:
         """Half of the side of the image."""
         return self.grid.shape[0] * self.grid.scale_arcsec / 2.0
+
+    def observed_deg2(self, radius_arcmin: float) -> float:
+        """Area of what is observed within an angle of the axis (deg²): the circle, cut by field of view and image."""
+        radius_arcmin = min(radius_arcmin, self.field_of_view_arcmin)
+        if radius_arcmin * ARCSEC_PER_ARCMIN <= self.half_width_arcsec:
+            return deg2_of_circle(radius_arcmin)
+        y_pix, x_pix = np.indices(self.grid.shape, dtype=np.float64)
+        n_pix = np.count_nonzero(self.in_view & (self.grid.offaxis_arcmin(x_pix, y_pix) <= radius_arcmin))
+        return float(n_pix * (self.grid.scale_arcsec / ARCSEC_PER_DEG) ** 2)
 
     def transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray:
         """Chance that a photon from a sky direction is observed: vignetting, 0 outside field of view and image."""

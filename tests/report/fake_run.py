@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from survey_mc.columns import MATCHES
-from survey_mc.units import rate_from_flux
+from survey_mc.units import deg2_of_circle, rate_from_flux
 
 AXIS_PIX, SCALE_ARCSEC = 255.5, 4.0
 FLUX_PER_RATE_CGS = {"soft": 6.70e-13, "hard": 3.66e-12}
@@ -26,6 +26,10 @@ class FakeCell:
     radius_arcsec: float = 6.0
     rule: str = "nearest"
     name: str = ""
+
+    @property
+    def region_deg2(self) -> float:
+        return deg2_of_circle(self.region_arcmin)
 
     @property
     def label(self) -> str:

@@ -174,10 +174,17 @@ def test_an_aggregated_table_comes_back_with_its_units(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["t.parquet"]
 
 
-@pytest.mark.parametrize("content", [None, "", "{", "[]", '{"lock_schema": 2}', "{}"])
+@pytest.mark.parametrize("content", [None, "", "{", "[]", '{"lock_schema": 1}', "{}"])
 def test_what_is_no_run_directory_is_refused(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "campaign.lock.json").write_text(content)
 
     with pytest.raises(BadInput, match=str(tmp_path)):
         RunData(tmp_path)
+
+
+def test_reader_and_writer_of_the_lock_mean_the_same_version() -> None:
+    from survey_mc.campaign.lock import LOCK_SCHEMA as WRITTEN
+    from survey_mc.store.run_data import LOCK_SCHEMA as READ
+
+    assert READ == WRITTEN

@@ -140,3 +140,19 @@ def test_unknown_band_and_impossible_vignetting_are_refused() -> None:
 
 def test_every_setting_is_described() -> None:
     assert all(info.description for info in InstrumentSettings.model_fields.values())
+
+
+@pytest.mark.parametrize(
+    ("region_arcmin", "field_of_view", "expected_deg2"),
+    [
+        (10.0, True, np.pi * (10 / 60) ** 2),  # inside everything
+        (16.0, True, np.pi * (15 / 60) ** 2),  # cut by the field of view
+        (30.0, False, (512 * 4 / 3600) ** 2),  # the whole square
+        (24.0, False, (512 * 4 / 3600) ** 2),  # all but the utmost corners, at 24.1′
+    ],
+)
+def test_area_of_a_region_is_what_is_observed_of_it(
+    region_arcmin: float, field_of_view: bool, expected_deg2: float
+) -> None:
+    response = build_response(InstrumentSettings(field_of_view=field_of_view, vignetting=False), "soft", 1e4)
+    assert response.observed_deg2(region_arcmin) == pytest.approx(expected_deg2, rel=1e-3)
