@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import click
 
@@ -32,15 +32,26 @@ def _parameters(model: Any) -> list[dict[str, Any]]:
         {
             "name": name,
             "default": "required" if info.is_required() else info.get_default(call_default_factory=True),
+            "allowed": _allowed(info),
             "about": info.description or "",
         }
         for name, info in model.model_fields.items()
     ]
 
 
+def _allowed(info: Any) -> str:
+    """What a parameter may be: its words, or its range."""
+    if get_origin(info.annotation) is Literal:
+        return " | ".join(str(word) for word in get_args(info.annotation))
+    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+    limits = ((sign, getattr(limit, name, None)) for limit in info.metadata for name, sign in signs.items())
+    return ", ".join(f"{sign} {value:g}" for sign, value in limits if isinstance(value, int | float))
+
+
 def _parameter_lines(model: Any) -> list[str]:
     return [
-        f"{p['name']} = {p['default'] if p['default'] == 'required' else repr(p['default'])}   {p['about']}"
+        f"{p['name']} = {p['default'] if p['default'] == 'required' else repr(p['default'])}"
+        f"{' (' + p['allowed'] + ')' if p['allowed'] else ''}   {p['about']}"
         for p in _parameters(model)
     ]
 
@@ -65,6 +76,7 @@ def _method(d: Any, package: str) -> dict[str, Any]:
             *(f"profile {name}{': ' if changed[name] else ''}{changed[name]}" for name in profiles),
             *_parameter_lines(d.params),
             *(f"flags {bit}: {meaning}" for bit, meaning in d.flag_bits.items()),
+            *(f"extended: {_cut(statistic)}" for statistic in d.extent_statistics),
         ],
         "label": d.label,
         "version": d.version,
@@ -74,7 +86,13 @@ def _method(d: Any, package: str) -> dict[str, Any]:
         "parameters": _parameters(d.params),
         "flags": {str(bit): meaning for bit, meaning in d.flag_bits.items()},
         "native_names": dict(d.native_names),
+        "extent_statistics": [asdict(statistic) for statistic in d.extent_statistics],
     }
+
+
+def _cut(statistic: Any) -> str:
+    sign = "≥" if statistic.larger_is_extended else "<"
+    return f"{statistic.column} {sign} {statistic.cut:g} {statistic.unit}".rstrip() + f"   {statistic.about}"
 
 
 def _changes(paper: Any, params: Any) -> str:

@@ -17,7 +17,7 @@ from survey_mc.detect.contract import (
     record_problem,
     with_native_names,
 )
-from survey_mc.detect.detector import Detector, DetectorParams
+from survey_mc.detect.detector import Detector, DetectorParams, ExtentStatistic
 from survey_mc.plugins import Plugins
 from survey_mc.registry import Registry
 
@@ -39,6 +39,7 @@ __all__ = [
     "Detector",
     "DetectorContractError",
     "DetectorParams",
+    "ExtentStatistic",
     "check_detections",
     "declared_columns",
     "detections_frame",
