@@ -117,3 +117,8 @@ def half_width(text: str, unit: str = "") -> float:
     if unit in THINGS:
         return 0.0
     return 0.5 * 10.0 ** (len(whole) - len(whole.rstrip("0")))
+
+
+def published_number(claim_id: str) -> float | None:
+    """The number of a claim; None if there is none of that id."""
+    return next((claim.published.number for claim in load_claims() if claim.id == claim_id), None)

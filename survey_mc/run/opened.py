@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from survey_mc.errors import BadInput
+from survey_mc.run.stages import table_of
 from survey_mc.store import RunData
 from survey_mc.store.layout import StoredTable
-from survey_mc.store.parquet import read_frame
+from survey_mc.store.parquet import empty_frame, read_frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -86,12 +88,13 @@ class Run:
         from survey_mc.detect import DETECTORS, with_native_names
 
         names = {record.label: record.name for record in self.data.methods}
+        cells = self.cells if cell is None else (cell,)
 
-        def labelled() -> Iterator[DataFrame]:
-            for cell_label in self.cells if cell is None else (cell,):
+        def labelled(stored: Callable[[str, str], Iterable[DataFrame]]) -> Iterator[DataFrame]:
+            for cell_label in cells:
                 for method in methods:
-                    for stored in self.data.frames(table, cell_label, method):
-                        frame = stored
+                    for rows in stored(cell_label, method):
+                        frame = rows
                         if table == "detections":
                             frame = with_native_names(DETECTORS[names[method]], frame)
                         if method:
@@ -99,8 +102,10 @@ class Run:
                         frame.insert(0, "cell", cell_label)
                         yield frame
 
-        frames = list(labelled())
-        return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+        frames = list(labelled(partial(self.data.frames, table)))
+        # Where nothing is stored, the declared columns with their types.
+        nothing = labelled(lambda _, method: [empty_frame(table_of(table, names.get(method, "")))])
+        return pd.concat(frames or list(nothing), ignore_index=True)
 
 
 def open_run(run_dir: Path | str) -> Run:

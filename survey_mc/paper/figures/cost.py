@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from survey_mc.paper.claims import published_number
 from survey_mc.paper.figures.paper_figure import PaperFigure
 from survey_mc.paper.figures.rows import CHOSEN, Procedure, cell, detections, fields_phrase, procedures
 from survey_mc.paper.figures.sheet import GUIDE, drawing, handle, legend_below, sheet
@@ -24,22 +25,6 @@ from survey_mc.report.numbers import DASH, plain
 if TYPE_CHECKING:
     from survey_mc.store import CellRecord
 
-PAPER_MINUTES = {
-    "emldetect": 12.0,
-    "ewavelet": 0.4,
-    "mr1_se": 1.9,
-    "gauss_se": 0.1,
-    "wavdetect": 10.3,
-    "vtpdetect": 10.7,
-}
-PAPER_DETECTIONS = {
-    "emldetect": 528,
-    "ewavelet": 364,
-    "mr1_se": 370,
-    "gauss_se": 365,
-    "wavdetect": 378,
-    "vtpdetect": 1307,
-}
 SECONDS_PER_MINUTE = 60.0
 BAR_HEIGHT = 0.36
 DETECTIONS_TITLE = "detections per image"
@@ -70,9 +55,9 @@ def cost_of(results: StudyResults, record: CellRecord, chosen: Procedure) -> Cos
     return Cost(
         chosen,
         float(np.median(per_field)) if per_field.size else float("nan"),
-        PAPER_MINUTES.get(chosen.name, float("nan")) * SECONDS_PER_MINUTE,
+        (published_number(f"cpu.{chosen.name}.minutes") or float("nan")) * SECONDS_PER_MINUTE,
         len(detections(results, TEST_5, chosen.label, record.label)) / record.realisations,
-        PAPER_DETECTIONS.get(chosen.name, float("nan")),
+        published_number(f"cpu.{chosen.name}.n_det") or float("nan"),
     )
 
 

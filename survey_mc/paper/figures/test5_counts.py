@@ -37,7 +37,7 @@ from survey_mc.paper.figures.sheet import (
     positive,
     sheet,
 )
-from survey_mc.paper.figures.test5_completeness import BAND_KEV, BINS, FLUX_LIMITS, PAPER_LIMIT_CGS
+from survey_mc.paper.figures.test5_completeness import BAND_KEV, BINS, FLUX_LIMITS, paper_limit_cgs
 from survey_mc.paper.results import StudyResults
 from survey_mc.paper.study import TEST_5
 from survey_mc.report.figures.panels import log_x, log_y
@@ -192,7 +192,7 @@ def _flux_axis(axes: Any, record: CellRecord) -> None:
     axes.set(xscale="log", xlim=FLUX_LIMITS[record.band])
     log_x(axes, as_powers=True)
     axes.set_xlabel(FLUX_LABEL + ", true or measured")
-    published = PAPER_LIMIT_CGS.get((record.band, record.exposure_ks))
+    published = paper_limit_cgs(record)
     if published:
         axes.axvline(published, color=GUIDE, ls=DASHED, lw=1.0, zorder=1)
 
@@ -220,7 +220,7 @@ def _photometry_figure(results: StudyResults, chosen: Procedure, cells: list[Cel
         axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high))
         log_x(axes, as_powers=True)
         log_y(axes)
-        published = PAPER_LIMIT_CGS.get((record.band, record.exposure_ks))
+        published = paper_limit_cgs(record)
         if published:
             axes.axvline(published, color=GUIDE, ls=DASHED, lw=1.2, zorder=3)
             note(axes, 0.97, 0.04, photometry_text(found, published), ha="right", va="bottom", fontsize=8.0)
