@@ -3,7 +3,8 @@
 Idea     every option that concerns a claim is evaluated; one counts if its median is nearer to what is printed by at
          least a third of the distance (in the unit of the quantity). Of those under which the claim is reproduced, the
          nearest one is the cause: it explains. Without such, the nearest of the others explains in part. Of equally
-         near ones it is the one in whose middle the published value lies best.
+         near ones it is the one in whose middle the published value lies best. A diagnosis, which needs what the paper
+         could not know, is named only where no reading or setting helps.
 Limits   several options are tried for one claim and the best is named: it shows what suffices, not what happened in
          2001. Differences that need two options together are only explained in part.
 """
@@ -18,6 +19,7 @@ from survey_mc.paper.options import Option, option_views
 from survey_mc.paper.rows import StudyRows
 from survey_mc.paper.statistics import Computed, Statistic
 from survey_mc.paper.verdict import Judgement, distance, judge, judge_constant
+from survey_mc.paper.views import View
 
 LEAST_SHARE = 1.0 / 3.0
 MIDDLE = 50.0
@@ -41,13 +43,20 @@ class Cause:
     words: str
 
 
+def judged(study: StudyRows, statistic: Statistic, view: View, published: Published) -> Judgement:
+    """The verdict on a statistic under a view; groups need as many fields as single images do."""
+    n_fields = study.n_fields(view) if statistic.sampling == "groups of ten fields" else None
+    return judge(published, statistic.values(study, view), n_fields)
+
+
 def effects_of(study: StudyRows, statistic: Statistic, published: Published, base: Judgement) -> list[Effect]:
-    """All options that concern a claim and whose campaigns were run, evaluated."""
+    """All options that concern a claim and whose campaigns were run whole, evaluated."""
     effects = []
     for option, view in option_views(statistic):
-        if study.can(view):
-            judgement = judge(published, statistic.values(study, view))
-            share = removed_share(published, base.spread.median, judgement.spread.median)
+        if not study.lack(view):
+            judgement = judged(study, statistic, view, published)
+            differs = base.verdict == "differs"
+            share = removed_share(published, base.spread.median, judgement.spread.median) if differs else math.nan
             effects.append(Effect(statistic.claim, option, judgement, share))
     return effects
 
@@ -72,8 +81,8 @@ def removed_share(published: Published, before: float, after: float) -> float:
     return 1.0 - near / far
 
 
-def _nearness(effect: Effect) -> tuple[float, float]:
-    return effect.share, -abs(effect.judgement.percentile - MIDDLE)
+def _nearness(effect: Effect) -> tuple[bool, float, float]:
+    return not effect.option.is_diagnosis, effect.share, -abs(effect.judgement.percentile - MIDDLE)
 
 
 def cause_of(effects: list[Effect], has_options: bool) -> Cause:

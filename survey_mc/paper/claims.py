@@ -23,6 +23,8 @@ from survey_mc.errors import BadInput
 CLAIMS_FILE = "claims.csv"
 THINGS = ("sources", "detections", "pairs")  # units of whole numbers, printed exactly
 
+POWER_OF_TEN_BELOW = 0.1  # of the half width
+
 ValueKind = Literal["number", "range", "bound", "fraction", "word"]
 
 _NUMBER = r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?"
@@ -104,8 +106,13 @@ def _published(text: str, kind: ValueKind, parts: tuple[str, ...], unit: str) ->
         n, of = (float(part) for part in parts)
         return Published(text, kind, n, n, n, of)
     ends = [float(part) for part in parts]
-    halves = [half_width(part, unit) for part in parts]
-    return Published(text, kind, sum(ends) / len(ends), ends[0] - halves[0], ends[-1] + halves[-1])
+    below = half_width(parts[0], unit) * (POWER_OF_TEN_BELOW if _is_power_of_ten(parts[0]) else 1.0)
+    return Published(text, kind, sum(ends) / len(ends), ends[0] - below, ends[-1] + half_width(parts[-1], unit))
+
+
+def _is_power_of_ten(text: str) -> bool:
+    """Whether the only digit printed is a 1: from below, the next printable number is 0.9 and not 0."""
+    return text.partition("e")[0].replace(".", "").strip("0") == "1"
 
 
 def half_width(text: str, unit: str = "") -> float:

@@ -27,7 +27,7 @@ class Option:
 
     campaigns: the campaign that takes the place of each base campaign; empty for all others staying. labels: the
     method label that takes the place of another, empty for all staying. cells: those the campaigns have; empty for
-    all. changes: other fields of the view.
+    all. changes: other fields of the view. is_diagnosis: it needs the origin of photons, which the paper did not have.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Option:
     labels: Mapping[str, str] = field(default_factory=dict)
     cells: tuple[str, ...] = ()
     changes: Mapping[str, Any] = field(default_factory=dict)
+    is_diagnosis: bool = False
 
     def applied(self, claim: str, view: View) -> View | None:
         """The view under this option; None if it does not concern the claim or changes nothing."""
@@ -67,7 +68,7 @@ FIELDS = ("test3.*", "test4.class.*", "test4.n_det", "test5.*", "cpu.*")
 
 OF_MATCHING = (
     Option("match.rule = origin", "detections belong to the source whose photons they rest on", MATCHED,
-           changes={"rule": "origin"}),
+           changes={"rule": "origin"}, is_diagnosis=True),
     Option("match.rule = nearest", "detections belong to the nearest listed source within the radius",
            ("test1.vtp.offset",), changes={"rule": "nearest"}),
     Option("match.radius_arcsec = 20", "the search radius of Test 2; the paper states none for Test 1", ("test1.*",),
@@ -81,7 +82,7 @@ OF_MATCHING = (
     Option("match.counts_min_on = counts_expected", "the input list is cut on vignetted counts", ("test5.*",),
            {TEST_5: "test5_expected_counts"}, cells=(SOFT_10, SOFT_100)),
     Option("false = spurious", "only detections that rest on no source count as false", FALSE,
-           changes={"false": ("spurious",)}),
+           changes={"false": ("spurious",)}, is_diagnosis=True),
     Option("false = unmatched and duplicate", "a second detection of a source counts as false too", FALSE,
            changes={"false": (*FALSE_STATUSES, "duplicate")}),
 )  # fmt: skip
@@ -103,7 +104,8 @@ OF_SKIES = (
            {TEST_3: "test3_giacconi2001_full_square", TEST_5: "test5_giacconi2001_full_square"},
            cells=(SOFT_10, SOFT_100)),
     Option("instrument.field_of_view = false", "nothing is cut at 15′", FIELDS, {TEST_3: "test3_full_square"}),
-    Option("instrument.vignetting = false", "no vignetting, as in Tests 1 and 2", ("test4.*.z*",),
+    Option("instrument.vignetting = false, field_of_view = false",
+           "neither vignetting nor an edge, as in Tests 1 and 2", ("test4.*.z*",),
            {TEST_4: "test4_no_vignetting"}),
     Option("instrument.believed_psf = 4.3″ and 13.8″", "the procedures are told a narrower PSF than the image's",
            ("test1.*", "test3.*"), {TEST_1: "test1_believed_psf", TEST_3: "test3_believed_psf"}),

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from survey_mc.paper.choices import CHOICES
+from survey_mc.paper.detected_clusters import detected_clusters
+from survey_mc.paper.lacking import lacking_fields
 from survey_mc.paper.results import StudyResults
 from survey_mc.paper.verdict import RULE
 from survey_mc.report.markup import Html, join, tag
@@ -49,6 +51,7 @@ def study_page(results: StudyResults, scorecard: DataFrame, figures: Sequence[tu
     sections = (
         Section("summary", "Summary", _summary(scorecard)),
         Section("scorecard", "Number by number", join(tables), anchors),
+        Section("clusters", "Clusters detected", detected_clusters(results)),
         Section("figures", "Figures", join(_figure(*figure) for figure in figures), drawn),
         Section("rule", "How a verdict is made", join(tag("p", paragraph) for paragraph in RULE)),
         Section("choices", "How choices were made", join(tag("p", paragraph) for paragraph in CHOICES)),
@@ -58,12 +61,12 @@ def study_page(results: StudyResults, scorecard: DataFrame, figures: Sequence[tu
 
 
 def _summary(scorecard: DataFrame) -> Html:
-    rows: list[list[object]] = []
-    for where in dict.fromkeys(scorecard["where"]):
-        verdicts = scorecard.loc[scorecard["where"] == where, "verdict"]
-        rows.append([where, len(verdicts), *(int((verdicts == verdict).sum()) or DASH for verdict in VERDICTS)])
-    totals = (int((scorecard["verdict"] == verdict).sum()) for verdict in VERDICTS)
-    rows.append([tag("b", "all"), *(tag("b", number) for number in (len(scorecard), *totals))])
+    computed = scorecard["sampling"] == "computed"
+    parts = [("computed constants (the simulator's own inputs among them)", scorecard[computed])]
+    drawn = scorecard[~computed]
+    parts += [(where, drawn[drawn["where"] == where]) for where in dict.fromkeys(drawn["where"])]
+    parts += [("all that is drawn", drawn), ("all", scorecard)]
+    rows = [[name, len(part), *(int((part["verdict"] == v).sum()) or DASH for v in VERDICTS)] for name, part in parts]
     files = (tag("a", name, href=name) for name in ("scorecard.csv", "scorecard.parquet", "option_effects.csv"))
     return join(
         [plain_table(("place", "numbers", *VERDICTS), rows), tag("p", "Files: ", join(files, between=", "), ".")]
@@ -84,8 +87,26 @@ def _cells(row: dict[str, Any]) -> list[object]:
     quantity = join([row["quantity"], tag("br"), tag("small", row["statistic"])])
     where = join([row["method"] or DASH, tag("br"), tag("small", row["condition"])])
     verdict = join([tag("b", row["verdict"]), tag("br"), tag("small", row["reason"])])
-    cause = join([part for part in (row["cause"], row["effect"] and tag("small", row["effect"])) if part], tag("br"))
-    return [quantity, where, f"{row['published']}{unit}", median, interval, row["n"] or DASH, verdict, cause or DASH]
+    cause = _cause(row)
+    drawn = f"{row['n']} groups" if row["sampling"] == "groups of ten fields" else row["n"]
+    return [
+        quantity,
+        where,
+        f"{row['published']}{unit}",
+        median,
+        interval,
+        drawn if row["n"] else DASH,
+        verdict,
+        cause or DASH,
+    ]
+
+
+def _cause(row: dict[str, Any]) -> Html:
+    """The named option with what our median becomes, and how far it explains."""
+    words = str(row["effect"])
+    if row["cause"]:
+        words += f"; median {_value(row['cause_median'], math.nan, math.nan)[0]}"
+    return join([part for part in (row["cause"], words and tag("small", words)) if part], tag("br"))
 
 
 def _value(value: float, lower: float, upper: float) -> tuple[str, str]:
@@ -111,7 +132,9 @@ def _campaigns(results: StudyResults) -> Html:
         lock = results.run(campaign.name).data.lock
         link = tag("a", campaign.name, href=f"{campaign.name}/campaign.toml")
         locked = tag("a", "lock file", href=f"{campaign.name}/campaign.lock.json")
-        rows.append([link, lock.get("about", ""), _n_fields(results, campaign.name), lock.get("seed", DASH), locked])
+        lacking = lacking_fields(results, campaign.name)
+        about = join([lock.get("about", ""), *([tag("br"), tag("b", lacking)] if lacking else [])])
+        rows.append([link, about, _n_fields(results, campaign.name), lock.get("seed", DASH), locked])
     versions: dict[str, str] = results.run(results.campaigns[0].name).data.lock.get("versions", {})
     made = tag("p", "Made with ", ", ".join(f"{name} {version}" for name, version in versions.items()), ".")
     return join([plain_table(("campaign", "what it is", "fields", "seed", "resolved"), rows), made])

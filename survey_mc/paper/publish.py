@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from survey_mc.errors import BadInput
 from survey_mc.paper.figures import study_figures, write_figure
 from survey_mc.paper.page import study_page
 from survey_mc.paper.results import StudyResults
@@ -25,6 +26,8 @@ FIGURES = "figures"
 def report_study(root: Path | str) -> Path:
     """Write tables, scorecard, figures, page and lock of a study from what it has stored; the path of the page."""
     results = StudyResults(root)
+    if not results.campaigns:
+        raise BadInput(str(results.root), "holds no run of the study; `survey-mc paper` makes them")
     for campaign in results.campaigns:
         if not campaign.is_option:
             data = results.run(campaign.name).data

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from survey_mc.errors import BadInput
 from survey_mc.paper.study import StudyCampaign, study_campaigns
 from survey_mc.run import Run, open_run
+from survey_mc.store import Manifest, RunLayout
+from survey_mc.store.layout import StoredTable
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -31,8 +33,8 @@ class StudyResults:
 
     @cached_property
     def campaigns(self) -> tuple[StudyCampaign, ...]:
-        """The campaigns of the study that are there."""
-        return tuple(c for c in study_campaigns() if (self.root / c.name / "campaign.lock.json").is_file())
+        """The campaigns of the study of which something is stored; a lock file alone may be a published one."""
+        return tuple(c for c in study_campaigns() if self._is_stored(self.root / c.name))
 
     def has(self, campaign: str) -> bool:
         """Whether a campaign was run."""
@@ -45,6 +47,12 @@ class StudyResults:
     def n_fields(self, campaign: str) -> int:
         """Realisations of each cell."""
         return self.run(campaign).data.cells[0].realisations
+
+    def n_lacking(self, campaign: str, method: str, cell: str) -> int:
+        """Realisations of a cell that a method (by label) has not been through: failed, skipped or not yet run."""
+        data = self.run(campaign).data
+        tables: tuple[StoredTable, ...] = ("detections", "matches", "links")
+        return data.cell(cell).realisations - min(data.realisations_done(table, cell, method) for table in tables)
 
     def matches(self, campaign: str, method: str, rule: str = "nearest", cell: str | None = None) -> DataFrame:
         """Matches of a method (by label) and rule; cell: label such as "xmm_epic_soft_10ks", default the first."""
@@ -61,6 +69,11 @@ class StudyResults:
     def truth(self, campaign: str, cell: str | None = None) -> DataFrame:
         """True sources of all fields."""
         return self._truth(campaign, cell or self.run(campaign).cells[0])
+
+    @staticmethod
+    def _is_stored(run_dir: Path) -> bool:
+        layout = RunLayout(run_dir)
+        return layout.lock_file.is_file() and len(Manifest(layout.manifest)) > 0
 
     def _open_run(self, campaign: str) -> Run:
         if not self.has(campaign):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from survey_mc.match.outcome import STATUSES
+from survey_mc.paper.lacking import lack
 from survey_mc.paper.results import StudyResults
 from survey_mc.paper.views import View
 from survey_mc.rng import stream
@@ -117,7 +118,6 @@ class StudyRows:
         self.links_to_clusters = cache(self._links_to_clusters)
         self._detection_keys = cache(self._keys_of_detections)
         self.groups = cache(group_weights)
-        self._methods = cache(self._labels)
 
     def matches(self, view: View, method: str = "", cell: str = "") -> MatchRows:
         """Matches of a view: of its first method and cell unless others are named."""
@@ -153,17 +153,9 @@ class StudyRows:
         source = truth.at(field, frame["source_id"].to_numpy(np.int64))
         return LinkRows(field, frame["det_id"].to_numpy(np.int64), source, _floats(frame, "sep_arcsec"))
 
-    def can(self, view: View) -> bool:
-        """Whether all that a view needs was run."""
-        return all(
-            self.results.has(campaign)
-            and method in self._methods(campaign)
-            and set(view.cells) <= set(self.results.run(campaign).cells)
-            for campaign, method in view.needs
-        )
-
-    def _labels(self, campaign: str) -> frozenset[str]:
-        return frozenset(self.results.run(campaign).methods)
+    def lack(self, view: View) -> str:
+        """What a view needs and the study does not have, in words; empty if it has all."""
+        return lack(self.results, view)
 
     def _match_rows(self, campaign: str, method: str, cell: str, rule: str) -> MatchRows:
         frame = self.results.matches(campaign, method, rule, cell)

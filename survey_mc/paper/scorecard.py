@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from survey_mc.columns import Table
-from survey_mc.paper.causes import Cause, Effect, cause_of, effects_of, effects_of_constant
+from survey_mc.paper.causes import Cause, Effect, cause_of, effects_of, effects_of_constant, judged
 from survey_mc.paper.claims import Claim, load_claims
 from survey_mc.paper.results import StudyResults
 from survey_mc.paper.rows import StudyRows
@@ -55,9 +55,9 @@ def build_scorecard(results: StudyResults, claims: tuple[Claim, ...] | None = No
     study = StudyRows(results)
     evidence = evidence_by_claim()
     has_options = any(campaign.is_option for campaign in results.campaigns)
-    judged = [_judged(study, claim, evidence[claim.id], has_options) for claim in claims or load_claims()]
-    rows = [_row(one) for one in judged]
-    effects = [_effect_row(effect) for one in judged for effect in one.effects]
+    every = [_judged(study, claim, evidence[claim.id], has_options) for claim in claims or load_claims()]
+    rows = [_row(one) for one in every]
+    effects = [_effect_row(effect) for one in every for effect in one.effects]
     return Scorecard(_frame(SCORECARD, rows), _frame(OPTION_EFFECTS, effects), cpu_table(study))
 
 
@@ -96,11 +96,10 @@ def _judged_computed(claim: Claim, computed: Computed) -> _Judged:
 
 
 def _judged_statistic(study: StudyRows, claim: Claim, statistic: Statistic, has_options: bool) -> _Judged:
-    if not study.can(statistic.view):
-        needed = ", ".join(dict.fromkeys(campaign for campaign, _ in statistic.view.needs))
-        return _Judged(claim, statistic.about, statistic.sampling, _no_values(f"was not run: {needed}"), [])
+    if lack := study.lack(statistic.view):
+        return _Judged(claim, statistic.about, statistic.sampling, _no_values(lack), [])
     published = statistic.meaning or claim.published
-    judgement = judge(published, statistic.values(study, statistic.view))
+    judgement = judged(study, statistic, statistic.view, published)
     effects = effects_of(study, statistic, published, judgement)
     cause = cause_of(effects, has_options) if judgement.verdict == "differs" else NO_CAUSE
     return _Judged(claim, statistic.about, statistic.sampling, judgement, effects, cause)
@@ -112,8 +111,8 @@ def _no_values(reason: str) -> Judgement:
     return Judgement("not comparable", reason, spread_of(np.empty(0)))
 
 
-def _row(judged: _Judged) -> dict[str, object]:
-    claim, judgement, cause = judged.claim, judged.judgement, judged.cause
+def _row(one: _Judged) -> dict[str, object]:
+    claim, judgement, cause = one.claim, one.judgement, one.cause
     return {
         "id": claim.id,
         "where": claim.where,
@@ -122,8 +121,8 @@ def _row(judged: _Judged) -> dict[str, object]:
         "condition": claim.condition,
         "published": claim.published.text,
         "unit": claim.unit,
-        "statistic": judged.statistic,
-        "sampling": judged.sampling,
+        "statistic": one.statistic,
+        "sampling": one.sampling,
         **_numbers(judgement),
         "reason": judgement.reason,
         "cause": cause.effect.option.name if cause.effect else "",

@@ -103,7 +103,7 @@ class StudySize:
         if images is None:
             grown = realisations is not None and realisations > PAPER_REALISATIONS
             images = IMAGES_PER_REALISATION * realisations if grown and realisations else PAPER_IMAGES
-        return cls(realisations or PAPER_REALISATIONS, images)
+        return cls(PAPER_REALISATIONS if realisations is None else realisations, images)
 
     def fields(self, campaign: StudyCampaign) -> int:
         """Realisations of each cell of a campaign; the first ones of its base for an option."""

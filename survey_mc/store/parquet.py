@@ -150,6 +150,11 @@ def piece_table(layout: RunLayout, piece: Piece) -> Table:
     )
 
 
+def empty_frame(table: Table) -> DataFrame:
+    """No rows, with the columns and types that stored rows of a table are read with."""
+    return arrow_schema(table).empty_table().to_pandas(ignore_metadata=True)
+
+
 def read_frame(path: Path) -> DataFrame:
     """An aggregated table, page checksums verified."""
     return pq.read_table(path, page_checksum_verification=True, use_threads=False, partitioning=None).to_pandas()

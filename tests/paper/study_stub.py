@@ -23,6 +23,7 @@ class StubResults:
     n: int
     rows: dict[tuple[str, str, str, str], list[dict]] = field(default_factory=dict)
     journals: dict[str, pd.DataFrame] = field(default_factory=dict)
+    lacking: dict[tuple[str, str], int] = field(default_factory=dict)
     reads: list[tuple[str, ...]] = field(default_factory=list)
 
     def add(self, campaign: str, table: str, rows: list[dict], method: str = "MR/1+SE", cell: str = SOFT_10) -> None:
@@ -50,6 +51,9 @@ class StubResults:
         return SimpleNamespace(
             realisations=self.n, exposure_ks=EXPOSURE_KS[label.split("-")[-1]], flux_per_rate_cgs=ECF
         )
+
+    def n_lacking(self, campaign: str, method: str, cell: str) -> int:
+        return self.lacking.get((campaign, method), 0)
 
     def n_fields(self, campaign: str) -> int:
         return self.n

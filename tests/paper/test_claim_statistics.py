@@ -17,7 +17,7 @@ def value(results: StubResults, claim: str, **changes) -> np.ndarray:
     assert isinstance(statistic, Statistic)
     study = StudyRows(results)
     view = replace(statistic.view, **changes)
-    assert study.can(view)
+    assert study.lack(view) == ""
     return statistic.values(study, view)
 
 
@@ -71,6 +71,15 @@ def test_pairs_of_other_separations_do_not_count():
     stub = StubResults(2)
     pairs(stub, "VTPDETECT", 60.0, {0: [0, 1], 1: []})
     assert value(stub, "test1.vtp.merge30").tolist() == [0, 0]
+
+
+def test_the_position_error_of_test_1_can_be_larger_than_the_search_radius():
+    stub = StubResults(1)
+    for method in ("EMLDETECT", "VTPDETECT", "WAVDETECT", "EWAVELET", "G+SE", "MR/1+SE"):
+        distance = 12.0 if method == "VTPDETECT" else 2.0
+        stub.add(TEST_1, "matches", [matched(0, 0, 100.0, 90.0, rule="origin", sep_arcsec=distance)], method)
+    assert value(stub, "test1.pos_error").tolist() == [12.0]
+    assert value(stub, "test1.pos_error", reading="without VTPDETECT").tolist() == [2.0]
 
 
 def test_the_loss_is_one_minus_the_mean_ratio():

@@ -71,3 +71,10 @@ def test_a_fraction_keeps_its_denominator_and_is_exact():
 def test_a_missing_value_is_refused():
     with pytest.raises(BadInput, match="missing"):
         parse_value(" ")
+
+
+def test_below_a_printed_power_of_ten_the_next_number_is_a_tenth_of_a_digit_away():
+    value = parse_value("1e-14")
+    assert value.lower == pytest.approx(0.95e-14)
+    assert value.upper == pytest.approx(1.5e-14)
+    assert parse_value("2e-15").lower == pytest.approx(1.5e-15)

@@ -186,6 +186,15 @@ def test_a_view_that_needs_what_was_not_run_is_left_out():
 
     stub = study(1.0)
     view = evidence_by_claim()["test1.emldetect.false"].view
-    assert StudyRows(stub).can(view)
-    assert not StudyRows(stub).can(replace(view, methods=("EMLDETECT modern",)))
-    assert not StudyRows(stub).can(replace(view, cells=(SOFT_10, SOFT_100)))
+    assert StudyRows(stub).lack(view) == ""
+    assert "not run" in StudyRows(stub).lack(replace(view, methods=("EMLDETECT modern",)))
+    assert "not run" in StudyRows(stub).lack(replace(view, cells=(SOFT_10, SOFT_100)))
+
+
+def test_a_diagnosis_is_named_only_where_no_reading_helps():
+    published = parse_value("4", "sources")
+    near, nearer = (judge(published, np.full(50, value)) for value in (4.0, 4.0))
+    reading = Effect("x", Option("a reading", "b", ("x",)), near, 0.7)
+    diagnosis = Effect("x", Option("a diagnosis", "b", ("x",), is_diagnosis=True), nearer, 1.0)
+    assert cause_of([diagnosis, reading], True).effect is reading
+    assert cause_of([diagnosis], True).effect is diagnosis

@@ -39,6 +39,14 @@ def test_the_verdict_needs_39_values_to_be_able_to_fail():
     assert judge(far, np.zeros(LEAST_VALUES)).verdict == "differs"
 
 
+def test_many_groups_of_few_fields_are_few_values():
+    groups = np.zeros(500)
+    few, enough = (judge(parse_value("1000", "sources"), groups, n) for n in (LEAST_VALUES - 1, LEAST_VALUES))
+    assert (few.verdict, enough.verdict) == ("not comparable", "differs")
+    assert "38 fields" in few.reason
+    assert "39 fields" in enough.reason
+
+
 def test_values_that_an_image_does_not_give_are_left_out():
     values = np.append(np.arange(50.0), np.full(100, np.nan))
     judged = judge(parse_value("25", "sources"), values)

@@ -128,3 +128,16 @@ def test_a_replay_command_is_safe_to_paste(tmp_path: Path, sick: _Sick) -> None:
     assert words[2] == str(tmp_path / "a run")
     assert words[-1] == "$(touch x)"
     assert "'$(touch x)'" in command
+
+
+def test_a_run_without_rows_opens_as_empty_frames_with_their_columns(tmp_path: Path) -> None:
+    from survey_mc.campaign import parse_campaign
+    from survey_mc.run.engine import write_campaign
+    from survey_mc.store import RunLayout
+
+    smoke = Path(__file__).parents[2] / "campaigns" / "smoke.toml"
+    write_campaign(parse_campaign(smoke.read_text(encoding="utf-8")), RunLayout(tmp_path))
+    opened = open_run(tmp_path)
+    for frame in (opened.truth(), opened.detections(), opened.matches(rule="origin"), opened.links()):
+        assert frame.empty
+        assert {"cell", "realisation"} <= set(frame.columns)

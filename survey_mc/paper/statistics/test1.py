@@ -27,6 +27,7 @@ HALF = LEVELS.index(0.5)
 COUNTS_BINS = LogBins("counts_expected", 0, 5)
 
 ABOUT_MEAN = Reading("scatter about the mean", "standard deviation about the mean ratio instead of the unity line")
+WITHOUT_VTP = Reading("without VTPDETECT", "the other five; the paper leaves VTPDETECT out after this test")
 FAINTER_ALONE = Reading("fainter member alone", "the fainter member is found, whatever became of the brighter")
 
 
@@ -36,10 +37,12 @@ def evidence() -> Iterator[Evidence]:
         view = View(TEST_1, (label,))
         yield _image(f"test1.{name}.missed", "listed sources without a detection in one image", missed, view)
         yield _image(f"test1.{name}.false", "detections without a listed source in one image", false, view)
-    everyone = View(TEST_1, ALL_METHODS)
+    # Matches by position cannot be further apart than the search radius, which is as large as the printed bound.
+    everyone = View(TEST_1, ALL_METHODS, rule="origin")
     yield _image(
-        "test1.pos_error", "largest rms separation of any procedure's matches in one image", largest_rms, everyone
-    )
+        "test1.pos_error", "largest rms distance of any procedure's detections from the sources they rest on",
+        largest_rms, everyone, WITHOUT_VTP,
+    )  # fmt: skip
     yield _image(
         "test1.dr15.eml_only", "pairs at 15″ with both members found", partial(separated, separation_arcsec=15.0),
         View(TEST_1, ("EMLDETECT",)), FAINTER_ALONE,
@@ -86,7 +89,8 @@ def false(study: StudyRows, view: View) -> FloatArray:
 
 def largest_rms(study: StudyRows, view: View) -> FloatArray:
     """(n_fields,) arcsec: the worst procedure of each image."""
-    every = [_separations(study.matches(view, method)).rms for method in view.methods]
+    methods = PHOTOMETRIC if view.reading == WITHOUT_VTP.name else view.methods
+    every = [_separations(study.matches(view, method)).rms for method in methods]
     return np.asarray(np.max(every, axis=0))
 
 
