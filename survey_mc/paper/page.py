@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 PAPER = "Valtchanov, Pierre & Gastaud 2001, A&A 370, 689"
+HEADLINE = "headline"  # the figure that stands first
 SMALL = 1e-3
 VERDICTS = ("reproduced", "differs", "not comparable")
 COLUMNS = ("quantity", "method", "published", "ours", "68 %", "n", "verdict", "cause")
@@ -47,12 +48,12 @@ def study_page(results: StudyResults, scorecard: DataFrame, figures: Sequence[tu
         _group(anchor, where, scorecard[scorecard["where"] == where])
         for (anchor, _), where in zip(anchors, groups, strict=True)
     ]
-    drawn = tuple((f"figure-{name}", title) for name, title, _ in figures)
+    drawn = tuple((f"figure-{name}", title) for name, title, _ in figures if name != HEADLINE)
     sections = (
-        Section("summary", "Summary", _summary(scorecard)),
+        Section("summary", "Summary", join([*(_figure(*f) for f in figures if f[0] == HEADLINE), _summary(scorecard)])),
         Section("scorecard", "Number by number", join(tables), anchors),
         Section("clusters", "Clusters detected", detected_clusters(results)),
-        Section("figures", "Figures", join(_figure(*figure) for figure in figures), drawn),
+        Section("figures", "Figures", join(_figure(*f) for f in figures if f[0] != HEADLINE), drawn),
         Section("rule", "How a verdict is made", join(tag("p", paragraph) for paragraph in RULE)),
         Section("choices", "How choices were made", join(tag("p", paragraph) for paragraph in CHOICES)),
         Section("campaigns", "Campaigns", _campaigns(results)),
