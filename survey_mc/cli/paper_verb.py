@@ -27,6 +27,9 @@ from survey_mc.errors import EXIT_FAILED_TASKS
     "--campaigns", type=PATH, metavar="DIR", help="Folder of the campaign files.  [default: campaigns]", default=None
 )
 @click.option("--no-options", is_flag=True, help="Leave out the campaigns that measure the effects of named choices.")
+@click.option(
+    "--check", type=PATH, metavar="LOCK", help="Compare what comes out with the study.lock.json of another study."
+)
 @executor_options
 @json_option
 def paper(
@@ -35,6 +38,7 @@ def paper(
     out: Path | None,
     campaigns: Path | None,
     no_options: bool,
+    check: Path | None,
     workers: int | None,
     serial: bool,
     scheduler: str | None,
@@ -43,13 +47,16 @@ def paper(
 ) -> int:
     """Reproduce Valtchanov, Pierre & Gastaud 2001: run its tests, compare every published number, draw every figure.
 
-    Without options it has the paper's own numbers of images. Started again, it does what is missing.
+    Without options it has the paper's own numbers of images. Started again, it does what is missing; a study of another
+    size in the same folder is shrunk or grown. Exit code 3 if a field failed or --check finds a difference.
     """
     from survey_mc.cli.progress import show_progress
-    from survey_mc.paper import StudySize, report_study, run_study
+    from survey_mc.paper import StudyResults, StudySize, report_study, run_study
     from survey_mc.paper.reproduce import DEFAULT_CAMPAIGNS, DEFAULT_OUT
+    from survey_mc.paper.study_lock import differences, read_study_lock
     from survey_mc.run.executors import ExecutorChoice
 
+    lock = read_study_lock(check) if check is not None else None
     done = run_study(
         StudySize.of(realisations, images),
         out or DEFAULT_OUT,
@@ -60,10 +67,16 @@ def paper(
     )
     page = report_study(done.root)
     failed = sum(run.failed + run.quarantined for run in done.runs.values())
+    unlike = differences(lock, StudyResults(done.root)) if lock is not None else []
     if as_json:
-        print_json({"study": str(done.root), "fields": done.fields, "failed": failed, "report": str(page)})
+        facts = {"study": str(done.root), "fields": done.fields, "failed": failed, "report": str(page)}
+        print_json(facts | ({"differences": unlike} if lock is not None else {}))
     else:
         click.echo(f"{done.root}: {done.fields} fields done in {len(done.runs)} campaigns; {failed} failed.")
         click.echo(f"Scorecard: {done.root / 'scorecard.csv'}")
         click.echo(f"Report: {page}")
-    return 0 if done.complete else EXIT_FAILED_TASKS
+        for line in unlike:
+            click.echo(line)
+        if lock is not None:
+            click.echo(f"{check}: {f'{len(unlike)} differences' if unlike else 'the same results'}")
+    return EXIT_FAILED_TASKS if unlike or not done.complete else 0

@@ -11,14 +11,17 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from survey_mc.campaign import load_resized
+from survey_mc.campaign import Campaign, load_resized
 from survey_mc.errors import BadInput
 from survey_mc.paper.study import StudyCampaign, StudySize, study_campaigns
 from survey_mc.run import Progress, RunSummary, run_campaign
 from survey_mc.run.executors import ExecutorChoice, open_executor
+from survey_mc.store import RunLayout
 
 DEFAULT_OUT = Path("results") / "valtchanov2001"
 DEFAULT_CAMPAIGNS = Path("campaigns")
+PAGE, LOCK, FIGURES = "index.html", "study.lock.json", "figures"
+PUBLISHED = (PAGE, LOCK, FIGURES, "scorecard.csv")  # what is made of the runs, beside their directories
 
 ShowProgress = Callable[[str], AbstractContextManager[Callable[[Progress], None]]]
 
@@ -54,7 +57,8 @@ def run_study(
     Raises `BadInput` before anything is done if a campaign file is missing or wrong.
     """
     chosen = tuple(study_campaigns(with_options))
-    loaded = {c.name: load_resized(_existing(c, campaigns), size.fields(c)) for c in chosen}
+    loaded = {c.name: _loaded(c, campaigns, size) for c in chosen}
+    _refuse_foreign(out)
     runs: dict[str, RunSummary] = {}
     with open_executor(executor or ExecutorChoice()) as opened:
         for place, study in enumerate(chosen, start=1):
@@ -64,13 +68,27 @@ def run_study(
     return StudySummary(out, runs)
 
 
-def _existing(study: StudyCampaign, campaigns: Path) -> Path:
+def _loaded(study: StudyCampaign, campaigns: Path, size: StudySize) -> Campaign:
     path = study.file(campaigns)
     if not path.is_file():
         raise BadInput(
             str(path), "there is no such campaign file; run this where the `campaigns` folder is, or give --campaigns"
         )
-    return path
+    campaign = load_resized(path, size.fields(study))
+    if campaign.name != study.name:
+        raise BadInput(str(path), f"name: must be {study.name!r}, the campaign of the study (got {campaign.name!r})")
+    return campaign
+
+
+def _refuse_foreign(out: Path) -> None:
+    """Raise `BadInput` for a folder that is no study's and holds what a study would overwrite."""
+    if RunLayout(out).lock_file.is_file():
+        raise BadInput(str(out), "is the run directory of one campaign; give another --out")
+    if any(RunLayout(out / study.name).lock_file.is_file() for study in study_campaigns()):
+        return
+    taken = [name for name in PUBLISHED if (out / name).exists()]
+    if taken:
+        raise BadInput(str(out), f"is no folder of a study and has a {taken[0]} already; give another --out")
 
 
 def _silent(title: str) -> AbstractContextManager[Callable[[Progress], None]]:

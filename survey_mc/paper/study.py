@@ -100,10 +100,10 @@ class StudySize:
     @classmethod
     def of(cls, realisations: int | None, images: int | None) -> StudySize:
         """The size somebody asks for; without a word it is the paper's own."""
+        n = PAPER_REALISATIONS if realisations is None else realisations
         if images is None:
-            grown = realisations is not None and realisations > PAPER_REALISATIONS
-            images = IMAGES_PER_REALISATION * realisations if grown and realisations else PAPER_IMAGES
-        return cls(PAPER_REALISATIONS if realisations is None else realisations, images)
+            images = min(IMAGES_PER_REALISATION * n, MAX_REALISATIONS) if n > PAPER_REALISATIONS else PAPER_IMAGES
+        return cls(n, images)
 
     def fields(self, campaign: StudyCampaign) -> int:
         """Realisations of each cell of a campaign; the first ones of its base for an option."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from survey_mc.campaign import Campaign, draw_field, expand, load_run_campaign
 from survey_mc.detect import DETECTORS
+from survey_mc.errors import BadInput
 from survey_mc.report.build import build_report
 from survey_mc.report.source import FieldPicture
 from survey_mc.store import CellRecord, RunData, read_piece
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
 def make_report(run_dir: Path | str) -> Path:
     """Write tables, figures and report/index.html of a run from what it has stored; the path of the page."""
     data = RunData(run_dir)
+    if not data.layout.manifest.is_file():
+        raise BadInput(
+            str(data.layout.root),
+            "has nothing stored (a published run keeps its tables and lock only); `survey-mc run` with its campaign "
+            "file makes it again",
+        )
     campaign = load_run_campaign(data.layout.root)
     return build_report(data, data.layout.root, _field_picture(data, campaign), campaign.text)
 

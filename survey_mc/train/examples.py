@@ -53,11 +53,16 @@ class Examples:
         return np.asarray(weight / weight.sum())
 
 
-def gather_examples(campaign: Campaign, data: RunData) -> Examples:
-    """All labelled detections of a run, ordered by cell, method, realisation and detection."""
+def refuse_without_stellarity(campaign: Campaign) -> None:
+    """Raise `BadInput` for a campaign with a procedure that has no stellarity index."""
     for number, choice in enumerate(campaign.method):
         if not has_stellarity(choice.params):
             raise BadInput(campaign.name, f"method[{number}].name: {choice.name} has no stellarity index to train")
+
+
+def gather_examples(campaign: Campaign, data: RunData) -> Examples:
+    """All labelled detections of a run, ordered by cell, method, realisation and detection."""
+    refuse_without_stellarity(campaign)
     inputs, labels, realisations, sizes, groups = [], [], [], [], []
     for cell in expand(campaign):
         for choice in campaign.method:

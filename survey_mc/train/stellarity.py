@@ -21,7 +21,7 @@ from survey_mc.run import Progress, run_campaign
 from survey_mc.run.engine import default_run_dir
 from survey_mc.run.executors import ExecutorChoice
 from survey_mc.store import RunData
-from survey_mc.train.examples import Examples, gather_examples, split_by_field, thinned
+from survey_mc.train.examples import Examples, gather_examples, refuse_without_stellarity, split_by_field, thinned
 from survey_mc.train.perceptron import Fitted, Labelled, fit_perceptron
 from survey_mc.train.separation import Separation, separation
 
@@ -56,6 +56,7 @@ def train_stellarity(
     run_dir: default results/<name>. max_steps: most steps of the fit. seed: of its random start. say: gets one line now
     and then. Raises `BadInput` if the campaign has failures or too few sources of a kind.
     """
+    refuse_without_stellarity(campaign)
     root = run_dir if run_dir is not None else default_run_dir(campaign)
     summary = run_campaign(campaign, root, executor, on_progress=on_progress)
     if not summary.complete:

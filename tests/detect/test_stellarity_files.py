@@ -91,6 +91,7 @@ BAD = {
     "no number": (SMALL.replace("-1.0  #", "nan  #"), r"line 5: number 2 of 2 of the input biases must be a number"),
     "cut": (SMALL[: SMALL.index("0.25")], r"line 10: the file ends before number 3 of 3 of the weights and biases"),
     "too long": (SMALL + "7\n", r"line 13: must end after the output slopes \(got '7'\)"),
+    "a number that would overflow": (SMALL.replace("-1.0  #", "-1e31  #"), r"must be a number within ±1e\+30"),
     "an output slope of 0": (SMALL.removesuffix(" 2.0\n") + " 0.0\n", r"must not be 0"),
 }
 

@@ -70,6 +70,12 @@ def test_without_a_word_the_study_has_the_papers_numbers_and_grows_with_one() ->
     assert sizes["test1_options"] == 50
 
 
+@pytest.mark.parametrize("asked", [(0, None), (-1, None), (0, 5)])
+def test_no_realisations_are_not_the_default_number(asked: tuple[int, int | None]) -> None:
+    with pytest.raises(BadInput, match=r"--realisations must be 1\.\.100000"):
+        StudySize.of(*asked)
+
+
 @pytest.mark.parametrize("size", [(0, 1), (10, -1), (10**9, 1)])
 def test_impossible_sizes_are_one_sentence(size: tuple[int, int]) -> None:
     with pytest.raises(BadInput, match=r"must be 1\.\.100000"):
@@ -96,7 +102,7 @@ def test_campaigns_share_one_executor_and_a_second_start_has_nothing_to_do(
         text = [text[0], text[1].split("]\n", 1)[1]]
         (folder / f"{name}.toml").write_text('method = [{ name = "gauss_se" }]\n'.join(text), encoding="utf-8")
     chosen = (StudyCampaign("first", "images"), StudyCampaign("second", "realisations"))
-    monkeypatch.setattr(reproduce, "study_campaigns", lambda with_options: chosen)
+    monkeypatch.setattr(reproduce, "study_campaigns", lambda with_options=True: chosen)
     done = run_study(StudySize(2, 1), tmp_path / "out", folder, ExecutorChoice(serial=True))
     again = run_study(StudySize(2, 1), tmp_path / "out", folder, ExecutorChoice(serial=True))
     assert done.complete

@@ -96,6 +96,7 @@ def test_procedures_without_stellarity_cannot_be_trained(finished: Path) -> None
     other = parse_campaign(SMALL.replace('"gauss_se"', '"ewavelet"').replace("realisations = 25", "realisations = 1"))
     with pytest.raises(BadInput, match=r"method\[0\]\.name: ewavelet has no stellarity index to train"):
         train_stellarity(other, finished / "other", SERIAL)
+    assert not (finished / "other").exists()  # refused before an hour of work
 
 
 def test_too_few_sources_are_refused(finished: Path) -> None:

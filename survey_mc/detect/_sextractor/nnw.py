@@ -25,6 +25,7 @@ MAGIC = "NNW"
 MAX_BYTES = 1_000_000
 MAX_LAYERS = 10
 MAX_NEURONS = 1000  # in one layer
+LARGEST_NUMBER = 1e30  # in a file; sums of products of these do not overflow
 LARGEST_ARGUMENT = 500.0  # of the exponential; beyond it the neuron is 0 or 1 to the last digit
 
 
@@ -95,8 +96,8 @@ def parse_network(text: str, where: str) -> Network:
         layers.append((np.ascontiguousarray(table[:, :-1]), np.ascontiguousarray(table[:, -1])))
     output_bias = words.numbers("output biases", sizes[-1])
     output_slope = words.numbers("output slopes", sizes[-1])
-    if (output_slope == 0.0).any():
-        raise BadInput(f"{where}: line {words.line}", "an output slope must not be 0")
+    if (np.abs(output_slope) < 1.0 / LARGEST_NUMBER).any():
+        raise BadInput(f"{where}: line {words.line}", f"an output slope must not be 0 or below {1 / LARGEST_NUMBER:g}")
     words.end()
     return Network(input_bias, input_slope, tuple(layers), output_bias, output_slope)
 
@@ -133,8 +134,9 @@ class _Words:
                 values[i] = float(word)
             except ValueError:
                 values[i] = math.nan
-            if not math.isfinite(values[i]):
-                raise BadInput(f"{self.where}: line {self.line}", f"{place} must be a number (got {word[:20]!r})")
+            if not abs(values[i]) <= LARGEST_NUMBER:
+                problem = f"{place} must be a number within ±{LARGEST_NUMBER:g} (got {word[:20]!r})"
+                raise BadInput(f"{self.where}: line {self.line}", problem)
         values.setflags(write=False)
         return values
 
