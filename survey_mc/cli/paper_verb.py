@@ -26,7 +26,13 @@ from survey_mc.errors import EXIT_FAILED_TASKS
 @click.option(
     "--campaigns", type=PATH, metavar="DIR", help="Folder of the campaign files.  [default: campaigns]", default=None
 )
-@click.option("--no-options", is_flag=True, help="Leave out the campaigns that measure the effects of named choices.")
+@click.option(
+    "--options/--no-options",
+    "with_options",
+    default=None,
+    help="Run the campaigns that measure what named choices do.  [default: with at least 39 fields and images; fewer "
+    "decide nothing]",
+)
 @click.option(
     "--check", type=PATH, metavar="LOCK", help="Compare what comes out with the study.lock.json of another study."
 )
@@ -37,7 +43,7 @@ def paper(
     images: int | None,
     out: Path | None,
     campaigns: Path | None,
-    no_options: bool,
+    with_options: bool | None,
     check: Path | None,
     workers: int | None,
     serial: bool,
@@ -62,7 +68,7 @@ def paper(
         out or DEFAULT_OUT,
         campaigns or DEFAULT_CAMPAIGNS,
         ExecutorChoice(serial, workers, scheduler, scheduler_file),
-        with_options=not no_options,
+        with_options=with_options,
         show_progress=show_progress,
     )
     page = report_study(done.root)

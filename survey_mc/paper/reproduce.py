@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from survey_mc.campaign import Campaign, load_resized
+from survey_mc.campaign import Campaign, expand, load_resized
 from survey_mc.errors import BadInput
 from survey_mc.paper.study import StudyCampaign, StudySize, study_campaigns
 from survey_mc.run import Progress, RunSummary, run_campaign
@@ -48,24 +48,31 @@ def run_study(
     campaigns: Path = DEFAULT_CAMPAIGNS,
     executor: ExecutorChoice | None = None,
     *,
-    with_options: bool = True,
+    with_options: bool | None = None,
     show_progress: ShowProgress | None = None,
 ) -> StudySummary:
     """Simulate, detect and match all that is missing in the study.
 
     out: folder of the study; each campaign's run directory is `out/<name>`. campaigns: folder of the campaign files.
+    with_options: run the option campaigns; default whether the study is large enough for verdicts that need them.
     Raises `BadInput` before anything is done if a campaign file is missing or wrong.
     """
-    chosen = tuple(study_campaigns(with_options))
+    chosen = tuple(study_campaigns(size.decides if with_options is None else with_options))
     loaded = {c.name: _loaded(c, campaigns, size) for c in chosen}
+    # The one with most fields first: a single field would be drawn, and all procedures compiled for it, by one worker.
+    order = sorted(chosen, key=lambda c: (c.is_option, -_n_fields(loaded[c.name])))
     _refuse_foreign(out)
     runs: dict[str, RunSummary] = {}
     with open_executor(executor or ExecutorChoice()) as opened:
-        for place, study in enumerate(chosen, start=1):
+        for place, study in enumerate(order, start=1):
             title = f"{study.name} ({place} of {len(chosen)})"
             with (show_progress or _silent)(title) as on_progress:
                 runs[study.name] = run_campaign(loaded[study.name], out / study.name, opened, on_progress=on_progress)
     return StudySummary(out, runs)
+
+
+def _n_fields(campaign: Campaign) -> int:
+    return len(expand(campaign)) * campaign.grid.realisations
 
 
 def _loaded(study: StudyCampaign, campaigns: Path, size: StudySize) -> Campaign:

@@ -18,7 +18,8 @@ from survey_mc.errors import BadInput
 PAPER_REALISATIONS = 10
 PAPER_IMAGES = 1
 IMAGES_PER_REALISATION = 4  # when only `realisations` is given, and it is more than the paper's
-OPTION_FIELDS = 50  # options measure shifts of medians, and 39 single images are the least a verdict needs
+LEAST_FIELDS = 39  # for a verdict: 1 / (39 + 1) is 2.5 %
+OPTION_FIELDS = 50  # options measure shifts of medians, and 39 are the least
 MAX_REALISATIONS = 100_000
 
 Scale = Literal["images", "realisations"]
@@ -104,6 +105,11 @@ class StudySize:
         if images is None:
             images = min(IMAGES_PER_REALISATION * n, MAX_REALISATIONS) if n > PAPER_REALISATIONS else PAPER_IMAGES
         return cls(n, images)
+
+    @property
+    def decides(self) -> bool:
+        """Whether there are enough fields for verdicts on what is drawn; without those an option explains nothing."""
+        return min(self.realisations, self.images) >= LEAST_FIELDS
 
     def fields(self, campaign: StudyCampaign) -> int:
         """Realisations of each cell of a campaign; the first ones of its base for an option."""

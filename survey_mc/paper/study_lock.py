@@ -89,6 +89,5 @@ def _command(results: StudyResults) -> str:
         sizes = [results.n_fields(c.name) for c in results.campaigns if c.scale == scale and not c.is_option]
         if sizes:
             words.append(f"--{scale} {max(sizes)}")
-    if not any(c.is_option for c in results.campaigns):
-        words.append("--no-options")
+    words.append("--options" if any(c.is_option for c in results.campaigns) else "--no-options")
     return " ".join(words)

@@ -24,12 +24,13 @@ from typing import Literal
 import numpy as np
 
 from survey_mc.paper.claims import Published
+from survey_mc.paper.study import LEAST_FIELDS
 from survey_mc.types import FloatArray
 
 Verdict = Literal["reproduced", "differs", "not comparable"]
 
 TAIL = 0.025
-LEAST_VALUES = 39  # 1 / (39 + 1) = TAIL
+LEAST_VALUES = LEAST_FIELDS  # 1 / (39 + 1) = TAIL
 ROUNDING = 1e-9  # of a constant, relative
 CENTRAL_68 = (0.1587, 0.8413)
 CENTRAL_95 = (0.025, 0.975)

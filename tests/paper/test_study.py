@@ -107,3 +107,13 @@ def test_campaigns_share_one_executor_and_a_second_start_has_nothing_to_do(
     again = run_study(StudySize(2, 1), tmp_path / "out", folder, ExecutorChoice(serial=True))
     assert done.complete
     assert (done.fields, again.fields) == (3, 0)
+
+
+@pytest.mark.parametrize(
+    ("size", "decides"), [((10, 1), False), ((50, 200), True), ((39, 39), True), ((100, 38), False)]
+)
+def test_options_are_run_where_a_verdict_is_possible(size: tuple[int, int], decides: bool) -> None:
+    from survey_mc.paper.verdict import LEAST_VALUES, TAIL
+
+    assert StudySize(*size).decides is decides
+    assert 1.0 / (LEAST_VALUES + 1) == TAIL
