@@ -14,7 +14,9 @@ from survey_mc.paper.choices import CHOICES
 from survey_mc.paper.detected_clusters import detected_clusters
 from survey_mc.paper.lacking import lacking_fields
 from survey_mc.paper.results import StudyResults
+from survey_mc.paper.study import TEST_3, TEST_4
 from survey_mc.paper.verdict import RULE
+from survey_mc.report.classification_section import classification_section
 from survey_mc.report.markup import Html, join, tag
 from survey_mc.report.numbers import DASH, between, plain, power
 from survey_mc.report.page_shell import FILES_BESIDE, Section, heading, page, plain_table
@@ -53,6 +55,7 @@ def study_page(results: StudyResults, scorecard: DataFrame, figures: Sequence[tu
         Section("summary", "Summary", join([*(_figure(*f) for f in figures if f[0] == HEADLINE), _summary(scorecard)])),
         Section("scorecard", "Number by number", join(tables), anchors),
         Section("clusters", "Clusters detected", detected_clusters(results)),
+        Section("classification", "Point or extended", _classification(results)),
         Section("figures", "Figures", join(_figure(*f) for f in figures if f[0] != HEADLINE), drawn),
         Section("rule", "How a verdict is made", join(tag("p", paragraph) for paragraph in RULE)),
         Section("choices", "How choices were made", join(tag("p", paragraph) for paragraph in CHOICES)),
@@ -80,6 +83,17 @@ def _group(anchor: str, where: str, rows: DataFrame) -> Html:
     if len(rows) > FOLDED_ROWS:
         return join([title, tag("details", tag("summary", f"{len(rows)} numbers"), table)])
     return join([title, table])
+
+
+def _classification(results: StudyResults) -> Html:
+    """The confusion matrices of Test 4 and of its point-only fields."""
+    parts = []
+    for campaign, title in ((TEST_4, "Test 4, points and clusters"), (TEST_3, "Test 3, points alone")):
+        if results.has(campaign) and "classification" in results.run(campaign).tables:
+            run = results.run(campaign)
+            section = classification_section(run.data, {"classification": run.table("classification")})
+            parts += [tag("h3", title), section] if section else []
+    return join(parts)
 
 
 def _cells(row: dict[str, Any]) -> list[object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from survey_mc.paper.figures.contamination import contamination_figure
 from survey_mc.paper.figures.cost import cost_figure
 from survey_mc.paper.figures.headline import headline_figure
 from survey_mc.paper.figures.instruments import instruments_figure
@@ -38,5 +39,7 @@ def study_figures(results: StudyResults) -> Iterator[PaperFigure]:
     for campaign, figures in _OF_CAMPAIGN:
         if results.has(campaign):
             yield from figures(results)
+        if campaign == TEST_4 and results.has(TEST_4) and (curves := contamination_figure(results)) is not None:
+            yield curves
     if results.has(TEST_5):
         yield cost_figure(results)
