@@ -129,3 +129,11 @@ def half_width(text: str, unit: str = "") -> float:
 def published_number(claim_id: str) -> float | None:
     """The number of a claim; None if there is none of that id."""
     return next((claim.published.number for claim in load_claims() if claim.id == claim_id), None)
+
+
+def printed_number(claim_id: str) -> float:
+    """The number of a claim that there is; `KeyError` for an unknown id."""
+    number = published_number(claim_id)
+    if number is None:
+        raise KeyError(f"{CLAIMS_FILE} has no claim {claim_id!r}")
+    return number

@@ -21,6 +21,7 @@ from functools import partial
 
 import numpy as np
 
+from survey_mc.paper.claims import printed_number
 from survey_mc.paper.rows import Indices, MatchRows, Moments, StudyRows, divided
 from survey_mc.paper.statistics.statistic import Evidence, Reading, Statistic, Values, within
 from survey_mc.paper.statistics.test1 import binned, whole
@@ -30,13 +31,6 @@ from survey_mc.stats.bins import FLUX_BINS, LogBins
 from survey_mc.stats.completeness import LEVELS, crossings
 from survey_mc.types import BoolArray, FloatArray
 
-PUBLISHED_LIMITS_CGS = {SOFT_10: 2e-15, HARD_10: 1e-14, SOFT_100: 6e-16, HARD_100: 3e-15}  # Tab. 8
-AGREES_DOWN_TO_CGS = {  # Sect. 8
-    ("mr1_se", SOFT_10): 2e-15,
-    ("mr1_se", SOFT_100): 6e-16,
-    ("emldetect", SOFT_10): 1e-15,
-    ("emldetect", SOFT_100): 3e-16,
-}
 LOST_FROM_CGS, LOST_TO_CGS = 3e-16, 6e-16  # Sect. 8
 REGION_ARCMIN = 10.0
 NINETY = LEVELS.index(0.9)
@@ -62,10 +56,9 @@ MEANINGS = {
 
 def evidence() -> Iterator[Evidence]:
     """The claims test5.*."""
-    for cell in PUBLISHED_LIMITS_CGS:
-        _, band, exposure = cell.split("-")
+    for cell in (SOFT_10, HARD_10, SOFT_100, HARD_100):
         yield _groups(
-            f"test5.limit90.{band}.{exposure}", "flux at which the completeness of MR/1+SE in ten fields passes 90 %",
+            _limit_claim(cell), "flux at which the completeness of MR/1+SE in ten fields passes 90 %",
             limit_90, view_of_test_5(cell), CUMULATIVE,
         )  # fmt: skip
     yield _groups(
@@ -86,9 +79,9 @@ def evidence() -> Iterator[Evidence]:
     for method in ("mr1_se", "emldetect"):
         for cell in (SOFT_10, SOFT_100):
             yield _groups(
-                f"test5.lognlogs.{method}.{cell.split('-')[-1]}",
+                name := f"test5.lognlogs.{method}.{cell.split('-')[-1]}",
                 "flux down to which, from ten times the printed one, the integral counts stay within 10 % (or 3σ)",
-                partial(agreement, from_cgs=10.0 * AGREES_DOWN_TO_CGS[method, cell]),
+                partial(agreement, from_cgs=10.0 * printed_number(name)),
                 view_of_test_5(cell, method=LABELS[method]), TWENTY_PERCENT, FROM_BRIGHTEST,
             )  # fmt: skip
     yield _groups(
@@ -99,6 +92,12 @@ def evidence() -> Iterator[Evidence]:
         "test5.photometry", "standard deviation of measured/input counts above the published limit, mean of 10, 100 ks",
         photometry, view_of_test_5(SOFT_10, SOFT_100), ABOUT_UNITY,
     )  # fmt: skip
+
+
+def _limit_claim(cell: str) -> str:
+    """The claim of the 90 % limit of a cell (Tab. 8)."""
+    _, band, exposure = cell.split("-")
+    return f"test5.limit90.{band}.{exposure}"
 
 
 def _groups(claim: str, about: str, values: Values, view: View, *readings: Reading) -> Statistic:
@@ -146,7 +145,7 @@ def confusion(study: StudyRows, view: View) -> FloatArray:
 
 
 def _confusion(study: StudyRows, view: View, cell: str) -> FloatArray:
-    limit = PUBLISHED_LIMITS_CGS[cell]
+    limit = printed_number(_limit_claim(cell))
     rows = study.matches(view, cell=cell)
     in_range = (rows.flux_true_cgs >= limit / 2.0) & (rows.flux_true_cgs <= 2.0 * limit)
     place = np.where(in_range, FINE_BINS.index(rows.flux_true_cgs), -1)
@@ -239,6 +238,6 @@ def photometry(study: StudyRows, view: View) -> FloatArray:
 
 def _scatter(study: StudyRows, view: View, cell: str) -> FloatArray:
     rows = study.matches(view, cell=cell)
-    bright = rows.is_status("matched") & (rows.flux_true_cgs >= PUBLISHED_LIMITS_CGS[cell])
+    bright = rows.is_status("matched") & (rows.flux_true_cgs >= printed_number(_limit_claim(cell)))
     ratios = Moments.of(rows, bright, rows.ratio(view)).drawn(study.groups(rows.n_fields))
     return ratios.about_unity if view.reading == ABOUT_UNITY.name else ratios.stdev
