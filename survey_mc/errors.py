@@ -10,7 +10,8 @@ EXIT_BAD_INPUT = 2
 EXIT_FAILED_TASKS = 3
 EXIT_DAMAGED_STORE = 4
 EXIT_LOCKED = 5
-EXIT_INTERRUPTED = 130
+EXIT_INTERRUPTED = 130  # Ctrl-C
+EXIT_TERMINATED = 143  # SIGTERM, as batch systems send it before they kill
 
 
 class SurveyError(Exception):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,6 +20,10 @@ from survey_mc.cli.options import (
     refuse_overwriting,
 )
 from survey_mc.errors import EXIT_FAILED_TASKS
+
+if TYPE_CHECKING:
+    from survey_mc.run import FieldLimits, RunSummary
+    from survey_mc.run.executors import ExecutorChoice
 
 
 @click.command()
@@ -103,7 +107,7 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
 @campaign_argument
 @out_option
 @executor_options
-@click.option("--retry-failed", is_flag=True, help="Try again what failed in an earlier run.")
+@click.option("--retry-failed", is_flag=True, help="Try again what failed or was skipped in an earlier run.")
 @click.option(
     "--block", type=click.IntRange(1, 10_000), metavar="N", help="Fields in one task; no result depends on it."
 )
@@ -112,10 +116,8 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
 def run(
     campaign: Path,
     out: Path | None,
-    workers: int | None,
-    serial: bool,
-    scheduler: str | None,
-    scheduler_file: Path | None,
+    executor: ExecutorChoice,
+    limits: FieldLimits,
     retry_failed: bool,
     block: int | None,
     no_report: bool,
@@ -125,12 +127,12 @@ def run(
     from survey_mc.campaign import load_campaign
     from survey_mc.cli.progress import show_progress
     from survey_mc.run import run_campaign
-    from survey_mc.run.executors import ExecutorChoice
 
-    choice = ExecutorChoice(serial, workers, scheduler, scheduler_file)
     loaded = load_campaign(campaign)
     with show_progress(loaded.name) as on_progress:
-        done = run_campaign(loaded, out, choice, block=block, retry_failed=retry_failed, on_progress=on_progress)
+        done = run_campaign(
+            loaded, out, executor, block=block, retry_failed=retry_failed, limits=limits, on_progress=on_progress
+        )
     page = None
     if not no_report:
         from survey_mc.report import make_report
@@ -143,24 +145,26 @@ def run(
                 "fields": done.fields,
                 "failed": done.failed,
                 "skipped": done.skipped,
-                "quarantined": done.quarantined,
+                "causes": done.causes,
                 "report": str(page) if page else None,
             }
         )
     else:
-        _print_summary(campaign, done.root, done.fields, done.failed, done.skipped, done.quarantined, page)
+        _print_summary(campaign, done, page)
     return 0 if done.complete else EXIT_FAILED_TASKS
 
 
-def _print_summary(
-    campaign: Path, root: Path, fields: int, failed: int, skipped: int, quarantined: int, page: Path | None
-) -> None:
-    if fields == 0 and not failed:
-        click.echo(f"{root}: nothing to do, everything is stored.")
+def _print_summary(campaign: Path, done: RunSummary, page: Path | None) -> None:
+    if done.fields == 0 and not done.failed:
+        click.echo(f"{done.root}: nothing to do, everything is stored.")
     else:
-        click.echo(f"{root}: {fields} fields done; {failed} failed, {quarantined} quarantined, {skipped} skipped.")
-    if failed or quarantined:
-        where, what = shlex.quote(str(root)), shlex.quote(str(campaign))
+        causes = ", ".join(f"{number} {cause}" for cause, number in sorted(done.causes.items()))
+        click.echo(
+            f"{done.root}: {done.fields} fields done; {done.failed} (field, method) pairs in quarantine"
+            f"{f' ({causes})' if causes else ''}, {done.skipped} skipped."
+        )
+    if done.failed:
+        where, what = shlex.quote(str(done.root)), shlex.quote(str(campaign))
         click.echo(f"Causes: survey-mc status {where}   Retry: survey-mc run {what} --retry-failed --out {where}")
     if page is not None:
         click.echo(f"Report: {page}")

@@ -1,7 +1,7 @@
 """Entry point of `survey-mc`.
 
 Idea     results go to stdout, progress and sentences to stderr. Exit codes: 0 done, 2 bad input or usage, 3 finished
-         with failed or quarantined fields, 4 store damaged, 5 run directory locked, 130 interrupted.
+         with failed or quarantined fields, 4 store damaged, 5 run directory locked, 130 interrupted, 143 terminated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from survey_mc.cli.paper_verb import paper
 from survey_mc.cli.run_verbs import RUN_VERBS
 from survey_mc.cli.show import show
 from survey_mc.cli.stellarity_verbs import STELLARITY_VERBS
-from survey_mc.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, BadInput, SurveyError
+from survey_mc.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED, BadInput, SurveyError
 
 
 class _InOrder(click.Group):
@@ -44,7 +44,7 @@ for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, *STELLARITY_VERBS, paper
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(signal.Signals(number).name)
+    raise KeyboardInterrupt(signal.Signals(number))
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -59,9 +59,9 @@ def main(arguments: list[str] | None = None) -> None:
     except SurveyError as problem:
         _say(str(problem))
         code = problem.exit_code
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, click.Abort) as stop:
         _say("interrupted; what is finished is stored, and the same command goes on from there")
-        code = EXIT_INTERRUPTED
+        code = EXIT_TERMINATED if stop.args == (signal.SIGTERM,) else EXIT_INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         code = 0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
@@ -23,15 +24,59 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def executor_options(verb: F) -> F:
-    """--workers, --serial, --scheduler and --scheduler-file."""
+    """Where the work is done and what it may take: the verb gets `executor` and `limits`."""
+
+    @wraps(verb)
+    def with_choices(
+        *arguments: Any,
+        workers: int | None,
+        serial: bool,
+        scheduler: str | None,
+        scheduler_file: Path | None,
+        dashboard: int | None,
+        field_timeout: float,
+        memory_limit: int,
+        **others: Any,
+    ) -> Any:
+        from survey_mc.run import FieldLimits
+        from survey_mc.run.executors import ExecutorChoice
+
+        executor = ExecutorChoice(serial, workers, scheduler, scheduler_file, dashboard)
+        return verb(*arguments, executor=executor, limits=FieldLimits(field_timeout, memory_limit), **others)
+
+    wrapped: Any = with_choices
     for option in (
+        click.option(
+            "--memory-limit",
+            type=int,
+            default=4096,
+            show_default=True,
+            metavar="MB",
+            help="Memory of a worker process; a method that asks for more fails on that field. 0: no limit.",
+        ),
+        click.option(
+            "--field-timeout",
+            type=float,
+            default=600.0,
+            show_default=True,
+            metavar="SECONDS",
+            help="Longest time of a method on a field; beyond it, it fails on that field. 0: no limit.",
+        ),
+        click.option(
+            "--dashboard",
+            type=click.IntRange(1, 65535),
+            is_flag=False,
+            flag_value=8787,
+            metavar="[PORT]",
+            help="Serve dask's dashboard on loopback, default port 8787 (needs bokeh).",
+        ),
         click.option("--scheduler-file", type=PATH, metavar="FILE", help="Scheduler file of an existing dask cluster."),
         click.option("--scheduler", metavar="ADDR", help="Address of an existing dask scheduler, tcp://host:port."),
         click.option("--serial", is_flag=True, help="No workers: everything in this process."),
         click.option("--workers", type=int, metavar="N", help="Local worker processes.  [default: all cores]"),
     ):
-        verb = option(verb)
-    return verb
+        wrapped = option(wrapped)
+    return cast(F, wrapped)
 
 
 def refuse_overwriting(targets: Sequence[Path], sources: Sequence[Path | None]) -> None:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from survey_mc.cli.options import PATH, executor_options, json_option, print_json
 from survey_mc.errors import EXIT_FAILED_TASKS
+
+if TYPE_CHECKING:
+    from survey_mc.run import FieldLimits
+    from survey_mc.run.executors import ExecutorChoice
 
 
 @click.command()
@@ -45,10 +50,8 @@ def paper(
     campaigns: Path | None,
     with_options: bool | None,
     check: Path | None,
-    workers: int | None,
-    serial: bool,
-    scheduler: str | None,
-    scheduler_file: Path | None,
+    executor: ExecutorChoice,
+    limits: FieldLimits,
     as_json: bool,
 ) -> int:
     """Reproduce Valtchanov, Pierre & Gastaud 2001: run its tests, compare every published number, draw every figure.
@@ -60,19 +63,19 @@ def paper(
     from survey_mc.paper import StudyResults, StudySize, report_study, run_study
     from survey_mc.paper.reproduce import DEFAULT_CAMPAIGNS, DEFAULT_OUT
     from survey_mc.paper.study_lock import differences, read_study_lock
-    from survey_mc.run.executors import ExecutorChoice
 
     lock = read_study_lock(check) if check is not None else None
     done = run_study(
         StudySize.of(realisations, images),
         out or DEFAULT_OUT,
         campaigns or DEFAULT_CAMPAIGNS,
-        ExecutorChoice(serial, workers, scheduler, scheduler_file),
+        executor,
+        limits=limits,
         with_options=with_options,
         show_progress=show_progress,
     )
     page = report_study(done.root)
-    failed = sum(run.failed + run.quarantined for run in done.runs.values())
+    failed = sum(run.failed for run in done.runs.values())
     unlike = differences(lock, StudyResults(done.root)) if lock is not None else []
     if as_json:
         facts = {"study": str(done.root), "fields": done.fields, "failed": failed, "report": str(page)}

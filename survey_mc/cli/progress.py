@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import click
 
 from survey_mc.cli.options import human_time
-from survey_mc.run.engine import Progress
+from survey_mc.run import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 
@@ -24,8 +24,20 @@ def show_progress(name: str) -> Iterator[Callable[[Progress], None]]:
         yield _Lines(name)
 
 
-def _failures(state: Progress) -> str:
-    return "".join(f", {number} failed in {method}" for method, number in sorted(state.failures.items()))
+def _remarks(state: Progress) -> str:
+    """What has failed, and whether anybody is at work."""
+    failed = "".join(f", {number} failed in {method}" for method, number in sorted(state.failures.items()))
+    return failed + ("" if state.workers else ", waiting for workers")
+
+
+def _rate(per_s: float) -> str:
+    return f"{per_s:.3g} fields/s" if per_s >= 1.0 else f"{60.0 * per_s:.3g} fields/min"
+
+
+def _say_dashboard(state: Progress, told: set[str]) -> None:
+    if state.dashboard and state.dashboard not in told:
+        told.add(state.dashboard)
+        click.echo(f"dask dashboard: {state.dashboard}", err=True)
 
 
 def _bar(name: str) -> Iterator[Callable[[Progress], None]]:
@@ -38,13 +50,22 @@ def _bar(name: str) -> Iterator[Callable[[Progress], None]]:
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("fields"),
+        TextColumn("{task.fields[rate]}"),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[failures]}"),
+        TextColumn("{task.fields[remarks]}"),
     )
+    begun_s = time.monotonic()
+    told: set[str] = set()
     with Bar(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task(name, total=None, failures="")
-        yield lambda state: bar.update(task, completed=state.done, total=state.total, failures=_failures(state))
+        task = bar.add_task(name, total=None, rate="", remarks="")
+
+        def show(state: Progress) -> None:
+            _say_dashboard(state, told)
+            rate = _rate(state.done / (time.monotonic() - begun_s)) if state.done else ""
+            bar.update(task, completed=state.done, total=state.total, rate=rate, remarks=_remarks(state))
+
+        yield show
 
 
 class _Lines:
@@ -53,13 +74,17 @@ class _Lines:
     def __init__(self, name: str) -> None:
         self.name = name
         self.begun_s = self.last_s = time.monotonic()
+        self.told: set[str] = set()
 
     def __call__(self, state: Progress) -> None:
+        _say_dashboard(state, self.told)
         now = time.monotonic()
         if state.done < state.total and now - self.last_s < SECONDS_BETWEEN_LINES:
             return
         self.last_s = now
         elapsed_s = now - self.begun_s
-        left = f", {human_time(elapsed_s / state.done * (state.total - state.done))} left" if state.done else ""
-        text = f"{self.name}: {state.done}/{state.total} fields, {human_time(elapsed_s)}{left}{_failures(state)}"
-        click.echo(text, err=True)
+        text = f"{self.name}: {state.done}/{state.total} fields, {human_time(elapsed_s)}"
+        if state.done:
+            left_s = elapsed_s / state.done * (state.total - state.done)
+            text += f", {_rate(state.done / elapsed_s)}, {human_time(left_s)} left"
+        click.echo(text + _remarks(state), err=True)

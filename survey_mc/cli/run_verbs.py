@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from survey_mc.cli.options import executor_options, json_option, print_json, run_argument
 from survey_mc.errors import EXIT_DAMAGED_STORE, EXIT_FAILED_TASKS
+
+if TYPE_CHECKING:
+    from survey_mc.run import FieldLimits
+    from survey_mc.run.executors import ExecutorChoice
 
 
 @click.command()
@@ -59,18 +64,14 @@ def verify(
     n_replay: int,
     seed: int,
     repair: bool,
-    workers: int | None,
-    serial: bool,
-    scheduler: str | None,
-    scheduler_file: Path | None,
+    executor: ExecutorChoice,
+    limits: FieldLimits,
     as_json: bool,
 ) -> int:
     """Check every file (checksum, schema, rows, strays); compute random fields again and compare to the last bit."""
     from survey_mc.run import verify_run
-    from survey_mc.run.executors import ExecutorChoice
 
-    choice = ExecutorChoice(serial, workers, scheduler, scheduler_file)
-    result = verify_run(run, n_replay, repair=repair, seed=seed, executor=choice)
+    result = verify_run(run, n_replay, repair=repair, seed=seed, executor=executor)
     if as_json:
         print_json(
             {

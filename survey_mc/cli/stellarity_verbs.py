@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from survey_mc.cli.options import PATH, executor_options, refuse_overwriting
+
+if TYPE_CHECKING:
+    from survey_mc.run import FieldLimits
+    from survey_mc.run.executors import ExecutorChoice
 
 DEFAULT_CAMPAIGN = Path("campaigns/classification_training.toml")
 
@@ -33,10 +38,8 @@ def train_stellarity(
     epochs: int,
     seed: int,
     overwrite: bool,
-    workers: int | None,
-    serial: bool,
-    scheduler: str | None,
-    scheduler_file: Path | None,
+    executor: ExecutorChoice,
+    limits: FieldLimits,
 ) -> None:
     """Train the network of the stellarity index on simulated points and clusters.
 
@@ -47,18 +50,17 @@ def train_stellarity(
     from survey_mc.campaign import load_campaign
     from survey_mc.cli.progress import show_progress
     from survey_mc.fits.writing import check_target
-    from survey_mc.run.executors import ExecutorChoice
     from survey_mc.train import train_stellarity as train
 
     refuse_overwriting((out,), (campaign,))
     check_target(out, overwrite)
     loaded = load_campaign(campaign)
-    choice = ExecutorChoice(serial, workers, scheduler, scheduler_file)
     with show_progress(loaded.name) as on_progress:
         trained = train(
             loaded,
             run,
-            choice,
+            executor,
+            limits=limits,
             max_steps=epochs,
             seed=seed,
             on_progress=on_progress,

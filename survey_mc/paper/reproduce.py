@@ -14,7 +14,7 @@ from pathlib import Path
 from survey_mc.campaign import Campaign, expand, load_resized
 from survey_mc.errors import BadInput
 from survey_mc.paper.study import StudyCampaign, StudySize, study_campaigns
-from survey_mc.run import Progress, RunSummary, run_campaign
+from survey_mc.run import FieldLimits, Progress, RunSummary, run_campaign
 from survey_mc.run.executors import ExecutorChoice, open_executor
 from survey_mc.store import RunLayout
 
@@ -48,6 +48,7 @@ def run_study(
     campaigns: Path = DEFAULT_CAMPAIGNS,
     executor: ExecutorChoice | None = None,
     *,
+    limits: FieldLimits | None = None,
     with_options: bool | None = None,
     show_progress: ShowProgress | None = None,
 ) -> StudySummary:
@@ -67,7 +68,9 @@ def run_study(
         for place, study in enumerate(order, start=1):
             title = f"{study.name} ({place} of {len(chosen)})"
             with (show_progress or _silent)(title) as on_progress:
-                runs[study.name] = run_campaign(loaded[study.name], out / study.name, opened, on_progress=on_progress)
+                runs[study.name] = run_campaign(
+                    loaded[study.name], out / study.name, opened, limits=limits, on_progress=on_progress
+                )
     return StudySummary(out, runs)
 
 

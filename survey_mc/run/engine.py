@@ -6,51 +6,51 @@ Idea     the driver only hands out orders and writes the manifest and the journa
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand, load_campaign, lock_content
 from survey_mc.campaign.inputs import resolve_input
+from survey_mc.campaign.lock import library_versions
 from survey_mc.errors import BadInput, SurveyError
+from survey_mc.run.attempts import forget
+from survey_mc.run.disk import disk_sentence, is_disk_problem
 from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
-from survey_mc.run.journal import Journal, known_failures
+from survey_mc.run.gaps import Gaps, known_gaps
+from survey_mc.run.harvest import Harvest, Progress
+from survey_mc.run.journal import Journal
+from survey_mc.run.limits import FieldLimits
+from survey_mc.run.pace import Pace, block_size
 from survey_mc.run.pack import drop_superseded, pack_shard, sweep
-from survey_mc.run.task import Order, Outcome
-from survey_mc.run.work import NO_FAILURES, block_size, families_of, orders, shards
+from survey_mc.run.suspects import equipped, find_suspects
+from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock
 
 RESULTS_FOLDER = "results"
-_DISK_PROBLEMS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EACCES}
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """State of a run after an order: fields done and to do in this run, and failures so far by method label."""
-
-    done: int
-    total: int
-    failures: dict[str, int]
 
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """What a run did. fields: fields worked on; failed: (field, method) pairs that are missing because they failed."""
+    """What a run did, and what is missing after it.
+
+    fields: fields worked on. failed, skipped: (field, method) pairs that are missing because the method failed or
+    declined. causes: how many failed in this run, by cause.
+    """
 
     root: Path
     fields: int
     failed: int
     skipped: int
-    quarantined: int
+    causes: dict[str, int]
 
     @property
     def complete(self) -> bool:
-        return self.failed == 0 and self.quarantined == 0
+        return self.failed == 0
 
 
 def default_run_dir(campaign: Campaign) -> Path:
@@ -65,14 +65,16 @@ def run_campaign(
     *,
     block: int | None = None,
     retry_failed: bool = False,
+    limits: FieldLimits | None = None,
     on_progress: Callable[[Progress], None] = lambda state: None,
 ) -> RunSummary:
     """Simulate, detect and match all that is missing in a run directory.
 
     campaign: a loaded campaign or the path of a file. out: run directory, default results/<name>. executor: default a
     local dask cluster on all cores; an opened one serves several runs. block: fields in one order, default chosen from
-    the amount of work; no result depends on it. retry_failed: try again what failed in an earlier run. Raises
-    `SurveyError` (bad input, locked directory, full disk).
+    the amount of work and its pace; no result depends on it. retry_failed: try again what failed or was skipped in an
+    earlier run. limits: seconds and memory that a method may take on a field. Raises `SurveyError` (bad input, locked
+    directory, full disk).
     """
     if not isinstance(campaign, Campaign):
         campaign = load_campaign(campaign)
@@ -80,10 +82,10 @@ def run_campaign(
     choice = executor or ExecutorChoice()
     try:
         with run_lock(layout):
-            return _run_locked(campaign, layout, choice, block, retry_failed, on_progress)
+            return _run_locked(campaign, layout, choice, block, retry_failed, limits or FieldLimits(), on_progress)
     except OSError as problem:
-        if problem.errno in _DISK_PROBLEMS or isinstance(problem, NotADirectoryError | FileExistsError):
-            raise SurveyError(f"{layout.root}: cannot be written: {problem.strerror}; what is stored is safe") from None
+        if is_disk_problem(problem):
+            raise SurveyError(disk_sentence(layout, problem)) from None
         raise
 
 
@@ -93,6 +95,7 @@ def _run_locked(
     choice: ExecutorChoice | Executor,
     block: int | None,
     retry_failed: bool,
+    limits: FieldLimits,
     on_progress: Callable[[Progress], None],
 ) -> RunSummary:
     cells = expand(campaign)
@@ -102,26 +105,45 @@ def _run_locked(
     if manifest.is_torn or manifest.unreadable_lines or not layout.manifest.exists():
         manifest.compact()
     write_campaign(campaign, layout)
-    failed = NO_FAILURES if retry_failed else known_failures(RunData(layout.root).journal_lines())
+    gaps = Gaps() if retry_failed else known_gaps(RunData(layout.root).journal_lines())
+    suspects = find_suspects(layout, cells)
     per_file = campaign.store.realisations_per_file
     pack_all(layout, manifest, cells, per_file, only_whole=True)
-    n_fields = sum(order.n_fields for order in orders(campaign, cells, manifest, layout.root, per_file, failed))
+    left_alone = gaps.left_alone
+    n_fields = sum(order.n_fields for order in orders(campaign, cells, manifest, layout.root, per_file, left_alone))
     if n_fields == 0:
         _tidy(layout, manifest, cells, per_file)
-        return _summary(layout, cells, manifest, 0, 0, 0)
-    block = block or block_size(n_fields, _expected_workers(choice), per_file)
+        return _summary(layout, cells, manifest, gaps, 0, {})
+    most = block or block_size(n_fields, _expected_workers(choice), per_file)
+    pace = Pace(most, fixed=block is not None)
     journal = Journal(layout)
-    with open_executor(choice) if isinstance(choice, ExecutorChoice) else nullcontext(choice) as executor:
-        journal.start(executor.name, executor.workers, n_fields, block)
+    with _ended_on_purpose(layout), _opened(choice) as executor:
+        journal.start(executor.name, executor.workers, n_fields, most)
+        harvest = Harvest(campaign, cells, layout, manifest, journal, gaps, pace)
         # Orders are made lazily, from the manifest as it is now, while the live one grows.
-        todo = orders(campaign, cells, Manifest(layout.manifest), layout.root, block, failed)
-        skipped, quarantined = _harvest(
-            executor.execute(todo), n_fields, cells, campaign, layout, manifest, journal, on_progress
-        )
+        todo = orders(campaign, cells, Manifest(layout.manifest), layout.root, pace.block, left_alone)
+        versions = library_versions()
+        sent = (equipped(order, cells[order.cell_index], limits, suspects, versions) for order in todo)
+        harvest.gather(executor, sent, n_fields, on_progress)
+    forget(layout.attempts)
     _tidy(layout, manifest, cells, per_file)
-    summary = _summary(layout, cells, manifest, n_fields, skipped, quarantined)
-    journal.finish(fields=n_fields, failed=summary.failed, skipped=skipped, quarantined=quarantined)
+    summary = _summary(layout, cells, manifest, gaps, n_fields, harvest.causes)
+    journal.finish(fields=n_fields, failed=summary.failed, skipped=summary.skipped, causes=summary.causes)
     return summary
+
+
+def _opened(choice: ExecutorChoice | Executor) -> AbstractContextManager[Executor]:
+    return open_executor(choice) if isinstance(choice, ExecutorChoice) else nullcontext(choice)
+
+
+@contextmanager
+def _ended_on_purpose(layout: RunLayout) -> Iterator[None]:
+    """Who interrupts a run stops its workers himself: what they were at is not suspect."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        forget(layout.attempts)
+        raise
 
 
 def _expected_workers(choice: ExecutorChoice | Executor) -> int:
@@ -135,50 +157,6 @@ def _tidy(layout: RunLayout, manifest: Manifest, cells: tuple[Cell, ...], per_fi
     pack_all(layout, manifest, cells, per_file, only_whole=False)
     drop_superseded(layout, manifest)
     manifest.compact()
-
-
-def _harvest(
-    results: Iterator[tuple[Order, Outcome | Exception]],
-    n_fields: int,
-    cells: tuple[Cell, ...],
-    campaign: Campaign,
-    layout: RunLayout,
-    manifest: Manifest,
-    journal: Journal,
-    on_progress: Callable[[Progress], None],
-) -> tuple[int, int]:
-    """Enter finished orders into the manifest and the journal; the numbers of skips and of quarantined fields."""
-    done = skipped = quarantined = 0
-    failures: dict[str, int] = {}
-    on_progress(Progress(0, n_fields, {}))
-    for order, result in results:
-        cell = cells[order.cell_index]
-        keys = {"": cell.field_key} | {m.label: m.detect_key for m in cell.methods}
-        if isinstance(result, Exception):
-            if isinstance(result, OSError | SurveyError):
-                raise result
-            quarantined += order.n_fields
-            failures["(whole task)"] = failures.get("(whole task)", 0) + order.n_fields
-            wanted = {label: keys[label] for label in {*order.detect, *order.match}}
-            journal.quarantine(cell.label, order, wanted, f"{type(result).__name__}: {result}", str(layout.root))
-        else:
-            manifest.add(result.records)
-            journal.task(cell.label, order, result, keys, str(layout.root))
-            skipped += len(result.skips)
-            for failure in result.failures:
-                name = failure.method or "(drawing)"
-                failures[name] = failures.get(name, 0) + 1
-            _pack_where_done(layout, manifest, cell, order, campaign.store.realisations_per_file)
-        done += order.n_fields
-        on_progress(Progress(done, n_fields, dict(failures)))
-    return skipped, quarantined
-
-
-def _pack_where_done(layout: RunLayout, manifest: Manifest, cell: Cell, order: Order, per_file: int) -> None:
-    start = order.start // per_file * per_file
-    shard = (start, min(start + per_file, cell.realisations))
-    for family in families_of(cell):
-        pack_shard(layout, manifest, family, shard, only_whole=True)
 
 
 def pack_all(
@@ -239,11 +217,11 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _summary(
-    layout: RunLayout, cells: tuple[Cell, ...], manifest: Manifest, n_fields: int, skipped: int, quarantined: int
+    layout: RunLayout, cells: tuple[Cell, ...], manifest: Manifest, gaps: Gaps, n_fields: int, causes: dict[str, int]
 ) -> RunSummary:
-    lacking = 0
+    lacking = skipped = 0
     for cell in cells:
         for method in cell.methods:
-            done = manifest.n_realisations("matches", method.match_key, cell.realisations)
-            lacking += cell.realisations - done
-    return RunSummary(layout.root, n_fields, max(0, lacking - skipped), skipped, quarantined)
+            lacking += cell.realisations - manifest.n_realisations("matches", method.match_key, cell.realisations)
+            skipped += sum(number < cell.realisations for number in gaps.skipped.get(method.detect_key, ()))
+    return RunSummary(layout.root, n_fields, max(0, lacking - skipped), skipped, dict(causes))

@@ -12,11 +12,10 @@ import shlex
 import socket
 import sys
 import time
-from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from typing import Any
 
-from survey_mc.run.task import Order, Outcome
+from survey_mc.run.order import Order, Outcome
 from survey_mc.store import RunLayout
 
 
@@ -75,12 +74,20 @@ class Journal:
                 method=failure.method,
                 key=keys.get(failure.method, ""),
                 stage=failure.stage,
+                cause=failure.cause,
                 error=failure.error,
                 trace=failure.trace,
                 replay=replay + (f" --method {shlex.quote(failure.method)}" if failure.method else ""),
             )
         for realisation, method, reason in outcome.skips:
-            self.write("skip", cell=cell_label, realisation=realisation, method=method, reason=reason)
+            self.write(
+                "skip",
+                cell=cell_label,
+                realisation=realisation,
+                method=method,
+                key=keys.get(method, ""),
+                reason=reason,
+            )
 
     def quarantine(self, cell_label: str, order: Order, keys: dict[str, str], error: str, where: str) -> None:
         """An order that could not be finished at all (its worker died, or the store refused)."""
@@ -90,6 +97,7 @@ class Journal:
             start=order.start,
             stop=order.stop,
             keys=sorted(keys.values()),
+            cause="crash",
             error=error[:2000],
             replay=_replay_command(where, order, order.start),
         )
@@ -100,21 +108,3 @@ class Journal:
 
 def _replay_command(where: str, order: Order, realisation: int) -> str:
     return f"survey-mc replay {shlex.quote(where)} --cell {order.cell_index} --realisation {realisation}"
-
-
-def known_failures(entries: Iterable[dict[str, Any]]) -> dict[str, set[int]]:
-    """Realisations of the failures that earlier runs wrote down, by the field key (drawing) or the detect key."""
-    found: dict[str, set[int]] = {}
-    for key, realisation in _failed(entries):
-        found.setdefault(key, set()).add(realisation)
-    return found
-
-
-def _failed(entries: Iterable[dict[str, Any]]) -> Iterator[tuple[str, int]]:
-    for entry in entries:
-        if entry.get("event") == "failure" and entry.get("key"):
-            yield entry["key"], int(entry["realisation"])
-        elif entry.get("event") == "quarantine":
-            for key in entry["keys"]:
-                for realisation in range(int(entry["start"]), int(entry["stop"])):
-                    yield key, realisation

@@ -13,10 +13,12 @@ from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand
 from survey_mc.run.engine import default_run_dir, refuse_foreign
-from survey_mc.run.journal import known_failures
+from survey_mc.run.gaps import known_gaps
+from survey_mc.run.order import Order, Outcome
+from survey_mc.run.pace import block_size
 from survey_mc.run.stages import stack
-from survey_mc.run.task import Order, Outcome, measure_field
-from survey_mc.run.work import block_size, families_of, orders, shards
+from survey_mc.run.task import measure_field
+from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout
 from survey_mc.store.parquet import encoded_bytes
 
@@ -74,7 +76,7 @@ def plan_campaign(campaign: Campaign, out: Path | str | None = None, workers: in
     known = layout.lock_file.is_file()
     entries = list(RunData(layout.root).journal_lines()) if known else []
     per_file = campaign.store.realisations_per_file
-    failed = known_failures(entries)
+    failed = known_gaps(entries).left_alone
     todo = [list(orders(campaign, (cell,), manifest, layout.root, per_file, failed)) for cell in cells]
     n_fields = sum(order.n_fields for mine in todo for order in mine)
     block = block_size(n_fields, workers, per_file)

@@ -81,7 +81,12 @@ def _single_failures(entry: dict[str, Any], cell: CellRecord) -> list[dict[str, 
 
     Those of another sky, instrument or other parameters than the campaign has now are left out.
     """
-    shared = {"cell": entry["cell"], "error": entry["error"], "replay": entry["replay"]}
+    shared = {
+        "cell": entry["cell"],
+        "cause": entry.get("cause", "exception"),
+        "error": entry["error"],
+        "replay": entry["replay"],
+    }
     if entry["event"] == "failure":
         labels = [entry["method"]] if entry["method"] else list(cell.detect_keys)
         if entry["key"] != (cell.detect_keys.get(entry["method"]) if entry["method"] else cell.field_key):

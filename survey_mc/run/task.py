@@ -3,28 +3,34 @@
 Idea     draw each field once, give only its observation to every method that still has work on it, match, and commit
          whole files. What goes back to the driver are crumbs: the results are already on disk.
 Limits   an exception in one method on one field is a failure of that field and method alone; it is reported, never
-         stored.
+         stored. So are a time-out and the death of a process: see `attempts` and `isolated`.
 """
 
 from __future__ import annotations
 
 import os
-import resource
 import socket
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from survey_mc.campaign import Campaign, Cell, CellMethod, draw_field, expand
+from survey_mc.campaign.lock import library_versions
 from survey_mc.columns import Table
-from survey_mc.run.stages import detect_on, match_on, stack, stored_truth, table_of
-from survey_mc.store import Family, Piece, Record, RunLayout, commit_piece, read_piece
-from survey_mc.store.layout import StoredTable
+from survey_mc.errors import SurveyError
+from survey_mc.run.attempts import AttemptNote, FieldTimeout, Place, deaths
+from survey_mc.run.isolated import timeout_failure, timeout_text, try_alone
+from survey_mc.run.limits import COMPILATION_SECONDS, FieldLimits, limited_memory
+from survey_mc.run.order import Cause, Cost, Failure, Order, Outcome, Suspect
+from survey_mc.run.rows import Rows, StoredRows
+from survey_mc.run.stages import detect_on, match_on, stored_truth
+from survey_mc.store import RunLayout
 from survey_mc.types import Field, Skip
 
 if TYPE_CHECKING:
@@ -33,120 +39,56 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _TRACEBACK_CHARACTERS = 4000
 KB_PER_MB = 1024.0  # ru_maxrss is in kilobytes on Linux
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """Work on realisations start … stop − 1 of a cell.
-
-    truth: whether their truth is still to be stored. detect, match: labels of the methods that still have to run, or
-    only to be matched. stored: files with the detections of the methods that only have to be matched.
-    """
-
-    campaign: Campaign
-    root: Path
-    cell_index: int
-    start: int
-    stop: int
-    truth: bool
-    detect: tuple[str, ...]
-    match: tuple[str, ...]
-    stored: dict[str, tuple[Record, ...]] = field(default_factory=dict)
-
-    @property
-    def n_fields(self) -> int:
-        return self.stop - self.start
-
-
-@dataclass(frozen=True, slots=True)
-class Failure:
-    """An exception of one stage on one field; method is empty when the field could not be drawn."""
-
-    realisation: int
-    method: str
-    stage: str
-    error: str
-    trace: str
-
-
-@dataclass(slots=True)
-class Cost:
-    """Seconds spent in a stage, summed over fields."""
-
-    fields: int = 0
-    cpu_s: float = 0.0
-    wall_s: float = 0.0
-
-
-@dataclass(slots=True)
-class Outcome:
-    """Crumbs of a finished order: what was committed, what failed, what was skipped, what it cost."""
-
-    records: list[Record] = field(default_factory=list)
-    failures: list[Failure] = field(default_factory=list)
-    skips: list[tuple[int, str, str]] = field(default_factory=list)
-    costs: dict[tuple[str, str], Cost] = field(default_factory=dict)
-    peak_mb: float = 0.0
-    host: str = ""
-    pid: int = 0
+MAX_ATTEMPTS = 10  # processes that may die at an order
+# A realisation that no campaign has: what is rehearsed on it is nobody's field.
+REHEARSAL = 9_999_999
 
 
 class _Attempt:
-    """Runs stages with their cost written down and their exceptions kept apart by field and method."""
+    """Runs stages with their place noted, their cost written down and their exceptions kept apart by field and method.
 
-    def __init__(self, outcome: Outcome) -> None:
-        self.outcome = outcome
+    note: where the place is noted; None where nobody looks for it.
+    """
+
+    def __init__(self, outcome: Outcome, note: AttemptNote | None = None, extra_s: float = 0.0) -> None:
+        self.outcome, self.note, self.extra_s = outcome, note, extra_s
 
     @contextmanager
     def timed(self, method: str, stage: str, fields: int = 1) -> Iterator[None]:
         cpu, wall = time.process_time(), time.perf_counter()
         yield
         cost = self.outcome.costs.setdefault((method, stage), Cost())
-        cost.fields += fields
-        cost.cpu_s += time.process_time() - cpu
-        cost.wall_s += time.perf_counter() - wall
+        cost.add(fields, time.process_time() - cpu, time.perf_counter() - wall)
 
-    def __call__(self, realisation: int, method: str, stage: str, work: Callable[[], T]) -> T | None:
+    def __call__(self, place: Place, work: Callable[[], T]) -> T | None:
         """The result of `work`, or None after noting its exception."""
+        if self.note is not None:
+            self.note.at(place, self.extra_s)
         try:
-            with self.timed(method, stage):
+            with self.timed(place.label, place.stage):
                 return work()
-        except (Exception, SystemExit) as problem:
-            text = f"{type(problem).__name__}: {problem}"
-            trace = traceback.format_exc()[-_TRACEBACK_CHARACTERS:]
-            self.outcome.failures.append(Failure(realisation, method, stage, text[:500], trace))
-            return None
+        except FieldTimeout:
+            self._fail(place, "timeout", timeout_text(self.note.limits if self.note else FieldLimits()))
+        except BaseException as problem:
+            if isinstance(problem, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
+                raise
+            cause: Cause = "memory" if isinstance(problem, MemoryError) else "exception"
+            self._fail(place, cause, f"{type(problem).__name__}: {problem}")
+        finally:
+            if self.note is not None:
+                self.note.rest()
+        return None
 
-
-class _Harvest:
-    """Rows that are ready to be stored, by family, in order of realisation."""
-
-    def __init__(self) -> None:
-        self.rows: dict[Family, list[tuple[int, DataFrame]]] = {}
-        self.tables: dict[Family, Table] = {}
-        self.methods: dict[Family, str] = {}
-
-    def keep(self, name: StoredTable, key: str, method: CellMethod | None, realisation: int, frame: DataFrame) -> None:
-        family = Family(name, key)
-        if family not in self.rows:
-            self.rows[family] = []
-            self.tables[family] = table_of(name, method.name if method else "")
-            self.methods[family] = method.label if method else ""
-        self.rows[family].append((realisation, frame))
-
-    def commit(self, layout: RunLayout, attempt: _Attempt) -> Iterator[Record]:
-        for family, rows in self.rows.items():
-            table = self.tables[family]
-            for run in _contiguous(rows):
-                with attempt.timed(self.methods[family], "commit", len(run)):
-                    yield commit_piece(layout, Piece(family, run[0][0], run[-1][0] + 1), table, stack(run, table))
+    def _fail(self, place: Place, cause: Cause, text: str) -> None:
+        trace = traceback.format_exc()[-_TRACEBACK_CHARACTERS:]
+        self.outcome.failures.append(Failure(place.realisation, place.label, place.stage, cause, text[:500], trace))
 
 
 _warm: set[tuple[str, ...]] = set()
 
 
-def _warm_up(order: Order, cell: Cell) -> None:
-    """Do the first field once without booking it: compilation happens once a process and is not anyone's cost.
+def _warm_up(order: Order, cell: Cell, note: AttemptNote | None = None) -> None:
+    """Rehearse on a field that is nobody's: compilation happens once a process and is not anyone's cost.
 
     Every second order rehearses its methods from the last to the first: two workers that start together then compile
     different procedures, and each reads from the cache what the other has compiled.
@@ -154,56 +96,135 @@ def _warm_up(order: Order, cell: Cell) -> None:
     methods = tuple(m.name for m in cell.methods if m.label in order.detect)
     if methods not in _warm:
         _warm.add(methods)
-        rehearsal = replace(order, stop=order.start + 1, match=order.detect)
+        rehearsal = replace(order.only(REHEARSAL), match=order.detect)
         backwards = (order.start // order.n_fields + order.cell_index) % 2 == 1
         stage = replace(cell, methods=cell.methods[::-1]) if backwards else cell
-        _work_on_field(rehearsal, stage, order.start, _Attempt(Outcome()), _Harvest(), {})
+        _work_on_field(rehearsal, stage, REHEARSAL, _Attempt(Outcome(), note, COMPILATION_SECONDS), Rows(), {})
+
+
+_one_at_a_time = threading.Lock()
+_library_versions = cache(library_versions)
 
 
 def run_task(order: Order) -> Outcome:
-    """Do an order and commit its files; raises only for what is not the fault of a method (disk, store, keys)."""
+    """Do an order and commit its files; raises only for what is not the fault of a method (disk, store, versions).
+
+    What killed the process of an earlier attempt at the order is tried in a process of its own.
+    """
+    _refuse_other_versions(order)
+    # CPU time, memory limit and watchdog belong to a process, so a worker with several threads does one order at once.
+    with _one_at_a_time, limited_memory(order.limits):
+        cell = expand(order.campaign)[order.cell_index]
+        folder, name = RunLayout(order.root).attempts, _name(order, cell)
+        died = list(deaths(folder, name))
+        if len(died) >= MAX_ATTEMPTS:
+            raise RuntimeError(f"{len(died)} processes died at these fields, the last with: {died[-1].trace[:200]!r}")
+        found = [Suspect(d.place.realisation, d.place.label, d.timed_out, d.trace) for d in died if d.place is not None]
+        with AttemptNote(
+            folder, name, order.limits, own_process=threading.current_thread() is threading.main_thread()
+        ) as n:
+            outcome = do_order(replace(order, suspects=(*order.suspects, *found)), n)
+        for death in died:
+            death.note.unlink(missing_ok=True)
+    return outcome
+
+
+def _name(order: Order, cell: Cell) -> str:
+    return f"{cell.field_key}-{order.start:07d}-{order.stop:07d}"
+
+
+def do_order(order: Order, note: AttemptNote | None) -> Outcome:
+    """Draw, detect, match and commit the fields of an order in this process, its suspects in their own."""
     outcome = Outcome(host=socket.gethostname(), pid=os.getpid())
-    attempt, harvest = _Attempt(outcome), _Harvest()
+    attempt, rows = _Attempt(outcome, note), Rows()
     cell = expand(order.campaign)[order.cell_index]
     layout = RunLayout(order.root)
-    stored = {label: _Stored(layout, records) for label, records in order.stored.items()}
-    _warm_up(order, cell)
+    stored = {label: StoredRows(layout, records) for label, records in order.stored.items()}
+    suspects: dict[int, list[Suspect]] = {}
+    for suspect in order.suspects:
+        suspects.setdefault(suspect.realisation, []).append(suspect)
+    if REHEARSAL not in suspects:
+        _warm_up(order, cell, note)
     for realisation in range(order.start, order.stop):
-        _work_on_field(order, cell, realisation, attempt, harvest, stored)
-    outcome.records.extend(harvest.commit(layout, attempt))
-    outcome.peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KB_PER_MB
+        here = order
+        if realisation in suspects:
+            here = _judge(order, cell, realisation, suspects[realisation], outcome, note)
+        _work_on_field(here, cell, realisation, attempt, rows, stored)
+    if note is not None:
+        note.at(None)
+    outcome.records.extend(rows.commit(layout, attempt.timed))
+    outcome.peak_mb = _peak_mb()
     return outcome
+
+
+def _judge(
+    order: Order, cell: Cell, realisation: int, suspects: list[Suspect], outcome: Outcome, note: AttemptNote | None
+) -> Order:
+    """What is left to do here of a field at which a process has died, after the suspects are dealt with."""
+    left = order.only(realisation)
+    for suspect in suspects:
+        if suspect.timed_out:
+            outcome.failures.append(timeout_failure(suspect, order.limits))
+            left = left.without(suspect.label) if suspect.label else replace(left, truth=False, detect=(), match=())
+    if all(suspect.timed_out for suspect in suspects):
+        return left
+    if note is not None:
+        note.at(None)
+    outcome.absorb(try_alone(left, cell.label))
+    return replace(left, truth=False, detect=(), match=())
+
+
+def _peak_mb() -> float:
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KB_PER_MB
+
+
+def _refuse_other_versions(order: Order) -> None:
+    """Results are promised for one set of versions; a worker may have joined after the run began."""
+    here = _library_versions()
+    for name, version in order.versions.items():
+        if here.get(name) != version:
+            raise SurveyError(
+                f"the worker on {socket.gethostname()} has {name} {here.get(name)}, the run was started with "
+                f"{version}; install the same versions on both"
+            )
 
 
 def measure_field(campaign: Campaign, cell: Cell, realisation: int, outcome: Outcome) -> list[tuple[Table, DataFrame]]:
     """All stages of one field without storing anything: its tables, with the costs added to `outcome`."""
     labels = tuple(m.label for m in cell.methods)
     order = Order(campaign, Path(), cell.index, realisation, realisation + 1, True, labels, labels)
-    harvest = _Harvest()
+    rows = Rows()
     _warm_up(order, cell)
-    _work_on_field(order, cell, realisation, _Attempt(outcome), harvest, {})
-    return [(harvest.tables[family], frame) for family, rows in harvest.rows.items() for _, frame in rows]
+    _work_on_field(order, cell, realisation, _Attempt(outcome), rows, {})
+    return [(rows.tables[family], frame) for family, stored in rows.rows.items() for _, frame in stored]
 
 
 def _work_on_field(
-    order: Order, cell: Cell, realisation: int, attempt: _Attempt, harvest: _Harvest, stored: Mapping[str, _Stored]
+    order: Order, cell: Cell, realisation: int, attempt: _Attempt, rows: Rows, stored: Mapping[str, StoredRows]
 ) -> None:
     """Draw a field once and give it to every method that still has work on it."""
-    drawn = attempt(realisation, "", "draw", partial(draw_field, order.campaign, cell, realisation))
+    methods = tuple(m for m in cell.methods if m.label in order.detect or m.label in order.match)
+    if not (order.truth or methods):
+        return
+    drawn = attempt(
+        Place(cell.field_key, realisation, "", "draw"), partial(draw_field, order.campaign, cell, realisation)
+    )
     if drawn is None:
         return
-    methods = tuple(m for m in cell.methods if m.label in order.detect or m.label in order.match)
     if order.truth:
-        harvest.keep("truth", cell.field_key, None, realisation, stored_truth(drawn))
+        rows.keep("truth", cell.field_key, None, realisation, stored_truth(drawn))
     for method in methods:
-        detections = _detections(order, method, drawn, realisation, attempt, harvest, stored)
+        detections = _detections(order, method, drawn, realisation, attempt, rows, stored)
         if detections is not None and method.label in order.match:
             matched = attempt(
-                realisation, method.label, "match", partial(match_on, order.campaign, cell, drawn, detections)
+                Place(method.detect_key, realisation, method.label, "match"),
+                partial(match_on, order.campaign, cell, drawn, detections),
             )
             if matched is not None:
-                harvest.keep("matches", method.match_key, method, realisation, matched.matches)
-                harvest.keep("links", method.match_key, method, realisation, matched.links)
+                rows.keep("matches", method.match_key, method, realisation, matched.matches)
+                rows.keep("links", method.match_key, method, realisation, matched.links)
 
 
 def _detections(
@@ -212,45 +233,18 @@ def _detections(
     drawn: Field,
     realisation: int,
     attempt: _Attempt,
-    harvest: _Harvest,
-    stored: Mapping[str, _Stored],
+    rows: Rows,
+    stored: Mapping[str, StoredRows],
 ) -> DataFrame | None:
     """What the method found on the field, now or in an earlier run; None if it failed or skipped the field."""
     if method.label not in order.detect:
         return stored[method.label].of(realisation)
-    work = partial(detect_on, order.campaign, method, drawn, realisation)
-    found = attempt(realisation, method.label, "detect", work)
+    place = Place(method.detect_key, realisation, method.label, "detect")
+    found = attempt(place, partial(detect_on, order.campaign, method, drawn, realisation))
     if found is None:
         return None
     if isinstance(found, Skip):
         attempt.outcome.skips.append((realisation, method.label, found.reason))
         return None
-    harvest.keep("detections", method.detect_key, method, realisation, found)
+    rows.keep("detections", method.detect_key, method, realisation, found)
     return found
-
-
-class _Stored:
-    """Detections that are already in the store, by realisation."""
-
-    def __init__(self, layout: RunLayout, records: tuple[Record, ...]) -> None:
-        self.layout, self.records = layout, records
-        self.frames: dict[Piece, DataFrame] = {}
-
-    def of(self, realisation: int) -> DataFrame:
-        record = next(r for r in self.records if r.piece.start <= realisation < r.piece.stop)
-        if record.piece not in self.frames:
-            self.frames[record.piece] = read_piece(self.layout, record)
-        frame = self.frames[record.piece]
-        return frame[frame["realisation"] == realisation].drop(columns="realisation").reset_index(drop=True)
-
-
-def _contiguous(rows: list[tuple[int, DataFrame]]) -> Iterator[list[tuple[int, DataFrame]]]:
-    """Runs of consecutive realisations: a failed field leaves a gap between two files."""
-    run: list[tuple[int, DataFrame]] = []
-    for row in rows:
-        if run and row[0] != run[-1][0] + 1:
-            yield run
-            run = []
-        run.append(row)
-    if run:
-        yield run

@@ -8,24 +8,21 @@ Idea     every family of files is cut into shards of `realisations_per_file`, al
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 
 from survey_mc.campaign import Campaign, Cell
-from survey_mc.run.task import Order
+from survey_mc.run.order import Order
 from survey_mc.store import Family, Manifest, Record
 from survey_mc.store.layout import StoredTable
 
-# Realisations that failed before, by the field key (drawing) or the detect key (a method); they are left alone unless
-# asked for again.
-KnownFailures = Mapping[str, Collection[int]]
-NO_FAILURES: KnownFailures = MappingProxyType({})
+# Realisations that are left alone, by the field key (drawing) or the detect key (a method): see `gaps`.
+LeftAlone = Mapping[str, Collection[int]]
+NOTHING_LEFT_ALONE: LeftAlone = MappingProxyType({})
 Range = tuple[int, int]
-
-ORDERS_PER_WORKER = 8  # enough to even out unequal fields, few enough to keep the overhead of an order small
 
 
 def shards(n_realisations: int, per_file: int) -> Iterator[Range]:
@@ -77,7 +74,7 @@ class Missing:
         return sorted({place for ranges in every for part in ranges for place in part})
 
 
-def _missing_in(manifest: Manifest, cell: Cell, start: int, stop: int, failed: KnownFailures) -> Missing:
+def _missing_in(manifest: Manifest, cell: Cell, start: int, stop: int, failed: LeftAlone) -> Missing:
     undrawn = [j for j in range(start, stop) if j in failed.get(cell.field_key, ())]
 
     def holes(table: StoredTable, key: str, broken: list[int]) -> list[Range]:
@@ -100,10 +97,13 @@ def orders(
     cells: Iterable[Cell],
     manifest: Manifest,
     root: Path,
-    block: int,
-    failed: KnownFailures = NO_FAILURES,
+    block: int | Callable[[int], int],
+    failed: LeftAlone = NOTHING_LEFT_ALONE,
 ) -> Iterator[Order]:
-    """Orders for all that is missing, cell by cell, at most `block` fields each."""
+    """Orders for all that is missing, cell by cell.
+
+    block: the most fields in each, a number or a function of the cell's index that is asked for every order anew.
+    """
     for cell in cells:
         for start, stop in shards(cell.realisations, campaign.store.realisations_per_file):
             lacking = _missing_in(manifest, cell, start, stop, failed)
@@ -115,19 +115,16 @@ def orders(
                 if not (truth or detect or match):
                     continue
                 only_match = [m for m in cell.methods if m.label in match and m.label not in detect]
-                for first in range(a, b, block):
-                    last = min(first + block, b)
+                first = a
+                while first < b:
+                    last = min(first + (block if isinstance(block, int) else block(cell.index)), b)
                     stored = {
                         m.label: tuple(manifest.covering(Family("detections", m.detect_key), first, last))
                         for m in only_match
                     }
                     yield Order(campaign, root, cell.index, first, last, truth, detect, match, stored)
+                    first = last
 
 
 def _inside(place: int, ranges: Iterable[Range]) -> bool:
     return any(a <= place < b for a, b in ranges)
-
-
-def block_size(n_fields: int, workers: int, per_file: int) -> int:
-    """Fields in one order: a whole file where there is much to do, fewer where workers would otherwise wait."""
-    return max(1, min(per_file, n_fields // (ORDERS_PER_WORKER * max(workers, 1))))

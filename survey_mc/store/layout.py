@@ -83,6 +83,11 @@ class RunLayout:
         return self.root / "runs"
 
     @property
+    def attempts(self) -> Path:
+        """Notes of what the workers are at; gone when a run has ended."""
+        return self.root / "attempts"
+
+    @property
     def tables(self) -> Path:
         return self.root / "tables"
 

@@ -17,7 +17,7 @@ from survey_mc.detect import DETECTORS
 from survey_mc.detect.stellarity import Network, network_text
 from survey_mc.errors import BadInput
 from survey_mc.rng import stream
-from survey_mc.run import Progress, run_campaign
+from survey_mc.run import FieldLimits, Progress, run_campaign
 from survey_mc.run.engine import default_run_dir
 from survey_mc.run.executors import ExecutorChoice
 from survey_mc.store import RunData
@@ -46,6 +46,7 @@ def train_stellarity(
     run_dir: Path | None = None,
     executor: ExecutorChoice | None = None,
     *,
+    limits: FieldLimits | None = None,
     max_steps: int = DEFAULT_STEPS,
     seed: int = 0,
     on_progress: Callable[[Progress], None] = lambda state: None,
@@ -58,7 +59,7 @@ def train_stellarity(
     """
     refuse_without_stellarity(campaign)
     root = run_dir if run_dir is not None else default_run_dir(campaign)
-    summary = run_campaign(campaign, root, executor, on_progress=on_progress)
+    summary = run_campaign(campaign, root, executor, limits=limits, on_progress=on_progress)
     if not summary.complete:
         raise BadInput(
             str(root), f"has failures, and a network is trained on whole runs; see `survey-mc status {root}`"

@@ -1,0 +1,42 @@
+"""How many fields an order should have.
+
+Idea     an order is what is lost when a process dies and what a worker is busy with while the others wait at the end,
+         so it should take some seconds; and each costs the driver some milliseconds, so fast fields come in whole
+         files. How long a field takes is learnt from the orders that are done. No result depends on it.
+"""
+
+from __future__ import annotations
+
+from survey_mc.run.order import Outcome
+
+ORDERS_PER_WORKER = 8  # enough to even out unequal fields, few enough to keep the overhead of an order small
+ORDER_SECONDS = 15.0
+FIRST_FIELDS = 8  # in an order of a cell of which nothing is known
+
+
+def block_size(n_fields: int, workers: int, per_file: int) -> int:
+    """The most fields in an order: a whole file where there is much to do, fewer where workers would otherwise wait."""
+    return max(1, min(per_file, n_fields // (ORDERS_PER_WORKER * max(workers, 1))))
+
+
+class Pace:
+    """most: fields in an order of fast fields. fixed: all orders have that many, whatever they take."""
+
+    def __init__(self, most: int, *, fixed: bool = False) -> None:
+        self.most, self.fixed = most, fixed
+        self._spent: dict[int, tuple[int, float]] = {}
+
+    def book(self, cell_index: int, n_fields: int, outcome: Outcome) -> None:
+        """Learn from a finished order."""
+        fields, wall_s = self._spent.get(cell_index, (0, 0.0))
+        spent_s = sum(cost.wall_s for cost in outcome.costs.values())
+        self._spent[cell_index] = fields + n_fields, wall_s + spent_s
+
+    def block(self, cell_index: int) -> int:
+        """Fields in the next order of a cell."""
+        if self.fixed:
+            return self.most
+        fields, wall_s = self._spent.get(cell_index, (0, 0.0))
+        if not fields:
+            return min(self.most, FIRST_FIELDS)
+        return max(1, min(self.most, int(ORDER_SECONDS * fields / max(wall_s, 1e-9))))
