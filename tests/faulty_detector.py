@@ -14,7 +14,7 @@ from survey_mc.store.layout import RunLayout
 
 METADATA = "Metadata-Version: 2.1\nName: faulty-detector\nVersion: 0.1\n"
 
-MODULE = '''
+MODULE = """
 import ctypes, json, os, signal, sys, time
 import numpy as np
 from survey_mc.detect import Detector, DetectorParams, detections_frame
@@ -61,7 +61,7 @@ def detect(obs, params, rng):
 PAPER = FaultyParams()
 DETECTOR = Detector("faulty", "Faulty", 1, "goes wrong", "nobody", FaultyParams, detect, tiny=PAPER,
                     profiles={"paper": PAPER}, view=lambda obs, params: obs.counts)
-'''
+"""
 
 METHOD = """
 [[method]]
@@ -96,5 +96,7 @@ def plant(folder: Path, campaign: Campaign, faults: dict[int, str]) -> None:
 
 def journal_events(root: Path, event: str) -> list[dict[str, object]]:
     """All entries of a kind in the journals of a run."""
-    lines = [line for path in sorted(RunLayout(root).journals.glob("*.jsonl")) for line in path.read_text().splitlines()]
+    lines = [
+        line for path in sorted(RunLayout(root).journals.glob("*.jsonl")) for line in path.read_text().splitlines()
+    ]
     return [entry for entry in map(json.loads, lines) if entry["event"] == event]

@@ -94,7 +94,9 @@ def test_the_replay_command_shows_the_failure(finished: Path, package: Path) -> 
     failure = next(f for f in run_status(finished).failures if f["realisation"] == 8)
     words = shlex.split(str(failure["replay"]))
 
-    shown = subprocess.run([*COMMAND, *words[1:]], env=environment(package), capture_output=True, text=True, check=False)
+    shown = subprocess.run(
+        [*COMMAND, *words[1:]], env=environment(package), capture_output=True, text=True, check=False
+    )
 
     assert words[0] == "survey-mc"
     assert "ZeroDivisionError" in shown.stderr

@@ -15,7 +15,7 @@ from survey_mc.errors import BadInput, SurveyError
 if TYPE_CHECKING:
     from distributed import Client
 
-CONNECT_TIMEOUT_S = 20
+CONNECT_TIMEOUT_S = 10
 
 
 @contextmanager
