@@ -43,8 +43,12 @@ for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, *STELLARITY_VERBS, paper
     cli.add_command(verb)
 
 
+_received: list[int] = []  # click turns the exception of a signal into one of its own that does not tell which
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt(signal.Signals(number))
+    _received.append(number)
+    raise KeyboardInterrupt
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -59,9 +63,9 @@ def main(arguments: list[str] | None = None) -> None:
     except SurveyError as problem:
         _say(str(problem))
         code = problem.exit_code
-    except (KeyboardInterrupt, click.Abort) as stop:
+    except (KeyboardInterrupt, click.Abort):
         _say("interrupted; what is finished is stored, and the same command goes on from there")
-        code = EXIT_TERMINATED if stop.args == (signal.SIGTERM,) else EXIT_INTERRUPTED
+        code = EXIT_TERMINATED if signal.SIGTERM in _received else EXIT_INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()
         code = 0

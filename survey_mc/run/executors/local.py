@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from survey_mc.errors import BadInput, SurveyError
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
 LOOPBACK = "127.0.0.1"
 WORKER_DEATHS_ALLOWED = 10  # before an order comes back, to be sent again or given up
@@ -62,7 +62,19 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
                 ) from problem
             opened.enter_context(cluster)
             client = opened.enter_context(Client(cluster))
-        yield client
+        try:
+            yield client
+        except BaseException:
+            _end_at_once(cluster)
+            raise
+
+
+def _end_at_once(cluster: LocalCluster) -> None:
+    """Kill the workers: asked to end, they would finish the field they are at. No file suffers from it."""
+    for nanny in cluster.workers.values():
+        nanny.close_gracefully()  # so that it starts no other worker
+        if nanny.pid:
+            os.kill(nanny.pid, signal.SIGKILL)
 
 
 def _need_bokeh() -> None:
