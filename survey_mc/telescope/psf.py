@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import brentq
 
+from survey_mc.caches import bounded_cache
 from survey_mc.errors import BadInput
 from survey_mc.types import FloatArray, FloatImage, Psf
 
@@ -86,7 +86,7 @@ def _half_energy(slope: float) -> float:
     return math.sqrt(math.expm1(math.log(2.0) / (slope - 1.0)))
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(64)
 def _solve(fwhm_arcsec: float, hew_arcsec: float) -> KingPsf:
     ratio = hew_arcsec / fwhm_arcsec
     steepest = _SLOPE_RANGE[1]

@@ -12,11 +12,11 @@ Limits   a cell stands for its centre. Structure narrower than two knots is smoo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray, FloatImage
 
 DEGREE = 3
@@ -54,7 +54,7 @@ def basis(place: FloatArray, n_intervals: int) -> FloatArray:
     return values
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(16)
 def difference_penalty(shape: tuple[int, int], order: int) -> FloatImage:
     """Sum of squared differences of the coefficients along both axes, as a quadratic form; read-only."""
     along = [np.diff(np.eye(n), order, axis=0) for n in shape]

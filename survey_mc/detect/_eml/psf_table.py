@@ -14,13 +14,13 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ellipe, ive
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray, Psf
 
 ExtentModel = Literal["beta", "gaussian", "none"]
@@ -142,7 +142,7 @@ def extent_nodes(extent_min_pix: float, extent_max_pix: float) -> FloatArray:
 _TABLES: OrderedDict[tuple[object, ...], PsfTable] = OrderedDict()
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(8)
 def _probe_radii(scale_arcsec: float) -> FloatArray:
     return np.asarray(np.geomspace(1e-3, 1e3, 96) * scale_arcsec)
 

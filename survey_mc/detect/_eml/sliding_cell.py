@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 from scipy.special import gammaincinv
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._eml.sliding_cell_measures import (
     Images,
     Run,
@@ -94,7 +94,7 @@ class Cells:
         return len(self.x_pix)
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(32)
 def largest_means(like_min: float) -> FloatArray:
     """The largest mean for which k counts reach like_min, k = 0 … LARGEST_TABLED_COUNTS; read-only."""
     means = np.zeros(LARGEST_TABLED_COUNTS + 1)

@@ -12,10 +12,10 @@ Limits   fitted for log q < 3.25; within 1 % of the exact threshold for σ ≥ 2
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.exact_threshold import filter_threshold
 from survey_mc.detect._shared.mexican_hat import mexican_hat
 from survey_mc.types import FloatArray
@@ -46,7 +46,7 @@ def equivalent_sigma(
     return np.asarray((np.sqrt(square) - linear) / (2.0 * QUADRATIC))
 
 
-@lru_cache(maxsize=2048)
+@bounded_cache(2048)
 def _exact_at_step(sigma_pix: float, step: int, false_alarm: float) -> float:
     """Exact threshold of W⋆D at b = 2^(step / STEPS_PER_OCTAVE)."""
     return filter_threshold(mexican_hat(sigma_pix), 2.0 ** (step / STEPS_PER_OCTAVE), false_alarm)

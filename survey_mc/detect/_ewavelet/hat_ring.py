@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.convolution import Convolver, Float32Image, KernelTransform
 from survey_mc.detect._shared.mexican_hat import half_size_pix, mexican_hat
 from survey_mc.types import FloatImage
@@ -58,7 +58,7 @@ def ring(sigma_pix: float) -> FloatImage:
     return np.asarray(values / values.sum())
 
 
-@lru_cache(maxsize=2)
+@bounded_cache(2)
 def hat_ring(shape: tuple[int, int], scales_pix: tuple[float, ...], ring_scales_pix: tuple[float, ...]) -> HatRing:
     """Filters of all scales; the ring of a scale may be that of a larger one."""
     reach = max(half_size_pix(max(scales_pix)), ring_half_pix(max(ring_scales_pix)))
@@ -68,7 +68,7 @@ def hat_ring(shape: tuple[int, int], scales_pix: tuple[float, ...], ring_scales_
     return HatRing(convolver, hats, tuple(transforms[sigma] for sigma in ring_scales_pix))
 
 
-@lru_cache(maxsize=1)
+@bounded_cache(1)
 def _exposure_response(exposure: bytes, filters: HatRing) -> ExposureResponse:
     shape = filters.convolver.shape
     transform = filters.convolver.image(np.frombuffer(exposure, dtype=np.float32).reshape(shape))

@@ -9,11 +9,10 @@ Limits   C at the pixel of the source; circular PSF; photons beyond 30′ count 
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.mexican_hat import mexican_hat
 from survey_mc.types import FloatArray, Psf
 
@@ -21,7 +20,7 @@ SMALLEST_RADIUS_ARCSEC, LARGEST_RADIUS_ARCSEC = 0.01, 1800.0
 N_RADII, N_ANGLES = 400, 48
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(64)
 def _response(share: bytes, scale_arcsec: float, sigma_pix: float) -> float:
     edges = radius_edges_arcsec()
     radius_pix = 0.5 * (edges[1:] + edges[:-1]) / scale_arcsec

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtri
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.exact_threshold import STD_SPAN, WEIGHT_SPAN, split_histogram, tail_crossing
 from survey_mc.types import FloatArray
 
@@ -43,7 +43,7 @@ class Abaque:
     upper: FloatArray
 
 
-@lru_cache(maxsize=1)
+@bounded_cache(1)
 def wavelet_histogram() -> tuple[FloatArray, FloatArray, float]:
     """Values of ψ, their probabilities for a photon placed uniformly on the support, and σ_ψ."""
     x = (np.arange(SAMPLES_PER_AXIS, dtype=np.float64) + 0.5) * (SUPPORT_PIX / SAMPLES_PER_AXIS)
@@ -71,7 +71,7 @@ def _quantiles(n_photons: int, significance: float) -> tuple[float, float]:
     return -tail_crossing(-grid[::-1], below[::-1], significance), upper
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(32)
 def abaque(significance: float) -> Abaque:
     """Table of thresholds for a one-sided false-alarm probability `significance` in each tail."""
     sigma = wavelet_histogram()[2]
@@ -92,7 +92,7 @@ def thresholds(n_photons: FloatArray, table: Abaque) -> tuple[FloatArray, FloatA
     return lower, upper
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(8)
 def coefficient_limits(significance: float, min_events: int) -> tuple[FloatArray, FloatArray]:
     """Unreduced limits t·√n·σ_ψ at scale 0 for n = 0 … 2^17 photons (divide by 4^s at scale s).
 

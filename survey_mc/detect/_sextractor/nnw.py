@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.errors import BadInput
 from survey_mc.types import FloatArray
 
@@ -79,7 +79,7 @@ def read_network(path: Path | str) -> Network:
     return parse_network(text, str(path))
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(16)
 def parse_network(text: str, where: str) -> Network:
     """The network of a text; `where` names it in errors."""
     lines = text.splitlines()

@@ -9,10 +9,10 @@ Limits   double precision: tails below ~1e-12 are rounding noise. A flat field: 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray
 
 GRID_BINS = 2**16
@@ -79,13 +79,13 @@ def filter_threshold(weights: FloatArray, background_per_pix: float, false_alarm
     return tail_crossing(values, tail, false_alarm)
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(8)
 def _one_copy(kernel: bytes) -> bytes:
     """The same bytes, as one object: as keys of the table below, equal kernels of megabytes would add up."""
     return kernel
 
 
-@lru_cache(maxsize=1024)
+@bounded_cache(1024)
 def _reduced_threshold(kernel: bytes, octave_step: int, false_alarm: float) -> float:
     """(threshold − mean) / standard deviation at b = 2^(octave_step / BACKGROUND_STEPS_PER_OCTAVE)."""
     weights = np.frombuffer(kernel, dtype=np.float64)

@@ -9,10 +9,10 @@ Limits   sampled at pixel centres, cut at 5σ; the small residual sum is spread 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatImage
 
 REACH_SIGMA = 5.0
@@ -23,7 +23,7 @@ def half_size_pix(sigma_pix: float) -> int:
     return math.ceil(REACH_SIGMA * sigma_pix)
 
 
-@lru_cache(maxsize=64)
+@bounded_cache(64)
 def mexican_hat(sigma_pix: float) -> FloatImage:
     """(2h + 1)² kernel, unnormalised, Σ W = 0; read-only."""
     half = half_size_pix(sigma_pix)

@@ -9,11 +9,11 @@ Limits   the kernel is cut at 4σ; sigma below ~0.5 pix is undersampled.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import BoolArray, FloatArray, FloatImage
 
 SIGMA_PER_FWHM = 1.0 / math.sqrt(8.0 * math.log(2.0))
@@ -26,7 +26,7 @@ def sigma_pix_from_fwhm(fwhm_arcsec: float, scale_arcsec: float) -> float:
     return fwhm_arcsec * SIGMA_PER_FWHM / scale_arcsec
 
 
-@lru_cache(maxsize=32)
+@bounded_cache(32)
 def gaussian_profile(sigma_pix: float) -> FloatArray:
     """Sampled, unit-sum Gaussian along one axis, read-only."""
     half = int(TRUNCATE_SIGMA * sigma_pix + 0.5)
@@ -71,7 +71,7 @@ def smooth_weight(weight: FloatImage, sigma_pix: float) -> FloatImage:
     return smooth(weight, sigma_pix)
 
 
-@lru_cache(maxsize=4)
+@bounded_cache(4)
 def _smoothed_mask(mask: bytes, shape: tuple[int, int], sigma_pix: float) -> FloatImage:
     """Smoothed image of 0 and 1; the fields of a campaign share their mask, so the last are kept. Read-only."""
     smoothed = smooth(np.frombuffer(mask, dtype=np.bool_).reshape(shape).astype(np.float64), sigma_pix)

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from scipy.special import ndtri
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.exact_threshold import filter_distribution, tail_crossing
 from survey_mc.detect._shared.mexican_hat import mexican_hat
 from survey_mc.types import FloatArray
@@ -51,7 +51,7 @@ def freeman_threshold(expected_counts: FloatArray, false_alarm: float) -> FloatA
     return np.where(log_q < -0.5, 10.0**few, np.where(log_q < 1.0, 10.0 ** np.minimum(some, 99.0), many))
 
 
-@lru_cache(maxsize=1024)
+@bounded_cache(1024)
 def exact_reduced_thresholds(sigma_pix: float, node: int, false_alarms: tuple[float, ...]) -> tuple[float, ...]:
     """C_t / √(b ΣW²) at b = 2^(node / EXACT_NODES_PER_OCTAVE) for each tail probability, one distribution for all."""
     kernel = mexican_hat(sigma_pix)
@@ -72,7 +72,7 @@ def cornish_fisher(kernel: FloatArray, background: float, false_alarm: float) ->
     return float(k + skewness * (k**2 - 1) / 6 + excess * (k**3 - 3 * k) / 24 - skewness**2 * (2 * k**3 - 5 * k) / 36)
 
 
-@lru_cache(maxsize=256)
+@bounded_cache(256)
 def _freeman_table(sigma_pix: float, false_alarm: float) -> tuple[FloatArray, FloatArray]:
     """log₂ b and C_t / √(b ΣW²) there."""
     log2_background = np.arange(LOWEST_LOG2, HIGHEST_LOG2, 1.0 / FREEMAN_NODES_PER_OCTAVE)

@@ -12,11 +12,11 @@ Limits   a ring that sees less than a twentieth of what it should leaves its pix
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from survey_mc.caches import bounded_cache
 from survey_mc.detect._shared.convolution import Convolver, Float32Image, KernelTransform, Transform
 from survey_mc.detect._shared.mexican_hat import half_size_pix, mexican_hat, negative_part
 from survey_mc.detect._wavdetect.thresholds import Thresholds
@@ -77,14 +77,14 @@ class ScaleImages:
     rate: Float32Image
 
 
-@lru_cache(maxsize=2)
+@bounded_cache(2)
 def bank(shape: tuple[int, int], scales: Scales) -> Bank:
     """Transforms of all the kernels."""
     convolver = Convolver(shape, half_size_pix(scales[-1]))
     return Bank(convolver, scales, tuple(convolver.kernel(mexican_hat(sigma)) for sigma in scales))
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(16)
 def ring_transform(convolver: Convolver, sigma_pix: float) -> KernelTransform:
     """Transform of the ring −NW."""
     return convolver.kernel(-negative_part(mexican_hat(sigma_pix)))
@@ -96,7 +96,7 @@ def square_transform(convolver: Convolver, sigma_pix: float) -> KernelTransform:
     return convolver.kernel(squares / squares.sum())
 
 
-@lru_cache(maxsize=CACHED_EXPOSURES)
+@bounded_cache(CACHED_EXPOSURES)
 def coverages(exposure: bytes, shape: tuple[int, int], scales: Scales, first_ring: int) -> tuple[Coverage, ...]:
     """Coverage of every scale; fields of one campaign share their exposure, hence the cache.
 
