@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame
+
 if TYPE_CHECKING:
     from astropy.wcs import WCS
     from pandas import DataFrame
@@ -102,11 +104,16 @@ class SkyImage:
 class Sky:
     """What is up there, before any instrument: a table of sources and, optionally, images.
 
-    sources: the columns of `SKY_COLUMNS`, one row a source; its row number is its source_id in the field.
+    source_rows: the columns of `SKY_COLUMNS`, one row a source; its row number is its source_id in the field.
     """
 
-    sources: DataFrame
+    source_rows: ArrayFrame
     images: tuple[SkyImage, ...] = ()
+
+    @property
+    def sources(self) -> DataFrame:
+        """The sources as a new frame, to look at."""
+        return self.source_rows.frame()
 
 
 SKY_COLUMNS = (
@@ -151,18 +158,23 @@ class Observation:
 class Field:
     """One drawn realisation: what is up there and what was observed of it.
 
-    truth: `columns.TRUTH` without `realisation`, sorted by source_id = 0 … n−1. origin: (n_photons,) source_id of each
-    photon, −1 = background, same order as `observation.photons_pix`. pixel_start: (ny·nx + 1,) index of the first
-    photon of each pixel (row-major), so photons of pixel p are origin[pixel_start[p]:pixel_start[p + 1]].
+    truth_rows: `columns.TRUTH` without `realisation`, sorted by source_id = 0 … n−1. origin: (n_photons,) source_id of
+    each photon, −1 = background, same order as `observation.photons_pix`. row_start: (ny + 1,) index of the first
+    photon of each row of pixels, so those of row y are origin[row_start[y]:row_start[y + 1]], x ascending.
     background_expected: (ny, nx) true expected background counts per pixel, vignetted.
     """
 
     key: str
-    truth: DataFrame
+    truth_rows: ArrayFrame
     origin: IntArray
-    pixel_start: NDArray[np.int64]
+    row_start: NDArray[np.int64]
     background_expected: FloatImage
     observation: Observation
+
+    @property
+    def truth(self) -> DataFrame:
+        """The truth as a new frame, to look at."""
+        return self.truth_rows.frame()
 
 
 @dataclass(frozen=True, slots=True)

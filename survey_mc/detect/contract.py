@@ -6,11 +6,16 @@ Limits   it checks form and domain, not science; `survey_mc.testing` checks beha
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame, Texts, arrays_of
 from survey_mc.columns import REALISATION, SKY_COLUMNS_OF_CATALOGUE, Column
-from survey_mc.detect._shared.rows import COMMON_COLUMNS, typed_frame
+from survey_mc.detect._shared.rows import COMMON_COLUMNS, DTYPES
 from survey_mc.detect.detector import Detector
 from survey_mc.errors import SurveyError
 from survey_mc.types import Observation
@@ -106,56 +111,75 @@ def _flag_problem(detector: Detector) -> str | None:
 
 def check_detections(detector: Detector, observation: Observation, frame: pd.DataFrame) -> pd.DataFrame:
     """The frame in the declared order and dtypes, or DetectorContractError with the first thing wrong."""
+    return checked_rows(detector, observation, frame).frame()
+
+
+def checked_rows(detector: Detector, observation: Observation, frame: pd.DataFrame) -> ArrayFrame:
+    """`check_detections` with the result as plain arrays."""
     columns = declared_columns(detector)
-    problem = frame_problem(columns, frame)
+    problem = name_problem(columns, frame)
     if problem is None:
-        frame = typed_frame({c.name: frame[c.name].to_numpy() for c in columns}, columns)
-        problem = value_problem(observation, frame)
+        arrays = arrays_of(frame)
+        problem = type_problem(columns, frame, arrays)
+    if problem is None:
+        rows = _typed_rows(columns, arrays)
+        problem = value_problem(observation, rows)
     if problem is not None:
         raise DetectorContractError(detector, problem)
-    return frame
+    return rows
 
 
-def frame_problem(columns: tuple[Column, ...], frame: pd.DataFrame) -> str | None:
+def _typed_rows(columns: tuple[Column, ...], arrays: Mapping[str, NDArray[Any]]) -> ArrayFrame:
+    typed: dict[str, NDArray[Any]] = {c.name: arrays[c.name].astype(DTYPES[c.dtype], copy=False) for c in columns}
+    return ArrayFrame({name: Texts.of(a.tolist()) if a.dtype.kind == "U" else a for name, a in typed.items()})
+
+
+def name_problem(columns: tuple[Column, ...], frame: pd.DataFrame) -> str | None:
     """What is wrong with the columns of a frame, as a sentence."""
     if not isinstance(frame, pd.DataFrame):
         return f"must return a pandas DataFrame or a Skip (got {type(frame).__name__})"
-    names = [c.name for c in columns]
-    missing = [name for name in names if name not in frame.columns]
-    extra = [str(name) for name in frame.columns if name not in names]
+    names, given = [c.name for c in columns], frame.columns.tolist()
+    if given == names:
+        return None
+    missing = [name for name in names if name not in given]
+    extra = [str(name) for name in given if name not in names]
     if missing or extra:
         parts = [f"{word} {', '.join(some)}" for word, some in (("missing", missing), ("undeclared", extra)) if some]
         return f"columns must be the declared ones ({'; '.join(parts)})"
-    if len(frame.columns) != len(names):
-        return "columns must be unique (a name appears twice)"
+    return "columns must be unique (a name appears twice)" if len(given) != len(names) else None
+
+
+def type_problem(columns: tuple[Column, ...], frame: pd.DataFrame, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+    """What is wrong with the types of the declared columns, as a sentence; no rows may have any type."""
     for column in columns:
-        dtype = frame[column.name].dtype
-        kind = getattr(dtype, "kind", "O")
-        if len(frame) and kind not in KINDS_ALLOWED[column.dtype]:
-            return f"column {column.name} must hold {column.dtype} (got {dtype})"
-        if kind in "iu" and len(frame) and column.dtype == "int32":
-            values = frame[column.name]
-            if values.max() > np.iinfo(np.int32).max or values.min() < np.iinfo(np.int32).min:
-                return f"column {column.name} must fit into int32 (got {values.min()} … {values.max()})"
+        values = arrays[column.name]
+        if len(values) and values.dtype.kind not in KINDS_ALLOWED[column.dtype]:
+            return f"column {column.name} must hold {column.dtype} (got {frame[column.name].dtype})"
+        if len(values) and column.dtype == "int32" and values.dtype != np.int32:
+            low, high = values.min(), values.max()
+            if high > np.iinfo(np.int32).max or low < np.iinfo(np.int32).min:
+                return f"column {column.name} must fit into int32 (got {low} … {high})"
     return None
 
 
-def value_problem(observation: Observation, frame: pd.DataFrame) -> str | None:
-    """What is wrong with the values of a well-formed frame, as a sentence."""
-    if not np.array_equal(frame["det_id"], np.arange(len(frame))):
-        repeated = frame["det_id"][frame["det_id"].duplicated()]
-        found = f"duplicate {repeated.iloc[0]}" if len(repeated) else f"starts {frame['det_id'].head(3).tolist()}"
-        return f"det_id must count 0 … {len(frame) - 1} in row order ({found})"
+def value_problem(observation: Observation, rows: ArrayFrame) -> str | None:
+    """What is wrong with the values of well-formed rows, as a sentence."""
+    det_id = rows["det_id"]
+    if not np.array_equal(det_id, np.arange(len(rows))):
+        number, how_often = np.unique(det_id, return_counts=True)
+        repeated = number[how_often > 1]
+        found = f"duplicate {repeated[0]}" if len(repeated) else f"starts {det_id[:3].tolist()}"
+        return f"det_id must count 0 … {len(rows) - 1} in row order ({found})"
     for name in ALWAYS_FINITE:
-        bad = ~np.isfinite(frame[name])
+        bad = ~np.isfinite(rows[name])
         if bad.any():
-            return f"{name} must be finite (got {frame[name][bad].iloc[0]} in row {int(np.argmax(bad))})"
+            return f"{name} must be finite (got {rows[name][bad][0]} in row {int(np.argmax(bad))})"
     for name, n_pix in (("x_pix", observation.counts.shape[1]), ("y_pix", observation.counts.shape[0])):
-        bad = (frame[name] < -0.5) | (frame[name] > n_pix - 0.5)
+        bad = (rows[name] < -0.5) | (rows[name] > n_pix - 0.5)
         if bad.any():
-            return f"{name} must lie on the image, −0.5 … {n_pix - 0.5} (got {frame[name][bad].iloc[0]:g})"
+            return f"{name} must lie on the image, −0.5 … {n_pix - 0.5} (got {rows[name][bad][0]:g})"
     for name in NEVER_NEGATIVE:
-        bad = (frame[name] < 0.0) | np.isinf(frame[name])
+        bad = (rows[name] < 0.0) | np.isinf(rows[name])
         if bad.any():
-            return f"{name} must be ≥ 0 and finite, or NaN (got {frame[name][bad].iloc[0]:g})"
+            return f"{name} must be ≥ 0 and finite, or NaN (got {rows[name][bad][0]:g})"
     return None

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from survey_mc.errors import BadInput
-from survey_mc.fits.header import ImageFacts
+from survey_mc.fits.header import MAX_EXPOSURE_S, ImageFacts
 from survey_mc.fits.image import CountsImage, read_counts_image
 from survey_mc.fits.maps import read_background_map, read_exposure_map
 from survey_mc.types import Band, FloatImage, Observation, Psf
@@ -55,8 +55,8 @@ def observation_from_files(
     header. flux_per_rate_cgs: erg/cm²/s of one on-axis ct/s; without it fluxes are NaN. Photons on pixels without
     exposure are dropped with a note. Raises `BadInput`.
     """
-    _check_positive("exposure_s", exposure_s)
-    _check_positive("flux_per_rate_cgs", flux_per_rate_cgs)
+    _check_positive("exposure_s", exposure_s, MAX_EXPOSURE_S)
+    _check_positive("flux_per_rate_cgs", flux_per_rate_cgs, math.inf)
     image = read_counts_image(counts_path, counts_hdu, pixel_scale_arcsec=pixel_scale_arcsec, axis_pix=axis_pix)
     notes = list(image.facts.notes)
     exposure_map_s = _exposure(image, exposure_path, exposure_hdu, exposure_s, notes)
@@ -73,9 +73,10 @@ def observation_from_files(
     return FileObservation(observation, image.facts, tuple(notes))
 
 
-def _check_positive(name: str, value: float | None) -> None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise BadInput(name, f"must be a positive number (got {value})")
+def _check_positive(name: str, value: float | None, largest: float) -> None:
+    if value is not None and not (0.0 < value <= largest and value < math.inf):
+        limit = f" of at most {largest:g}" if largest < math.inf else ""
+        raise BadInput(name, f"must be a positive number{limit} (got {value})")
 
 
 def _exposure(

@@ -1,7 +1,7 @@
 """Whose photons a detection rests on.
 
 Idea     the photons inside a circle around each detection, counted by the source they came from. Photons are stored
-         by pixel, so a circle is a few runs of consecutive photons; each is then tested at its exact position. The
+         by row and x, so a circle is a few runs of consecutive photons; each is then tested at its exact position. The
          photons of a ring around the circle, of the same area, say how many of a source's only pass by.
 Source   Liu et al. 2022, A&A 661, A27: identification by the origin of each photon.
 Limits   circles only; the radius is max(origin radius, r50), never more than `aperture_max_arcsec`. A circle is cut
@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from survey_mc.match.params import MatchParams
-from survey_mc.types import Field, FloatArray
+from survey_mc.types import Field, FloatArray, IntImage
 
 SUBPIXELS = 5
 RING_REACH = np.sqrt(2.0)  # outer radius of the ring of equal area, in radii of the circle
@@ -56,18 +56,19 @@ def photon_shares(field: Field, x_pix: FloatArray, y_pix: FloatArray, radius_arc
     shape = field.observation.counts.shape
     photons_pix = field.observation.photons_pix
     if photons_pix is None:
-        photons_pix = _pixel_centres(field.pixel_start, shape)
+        photons_pix = _pixel_centres(field.observation.counts)
     radius_pix = radius_arcsec / field.observation.grid.scale_arcsec
     pairs, n_background = _count_by_origin(
-        x_pix, y_pix, radius_pix, photons_pix, field.origin, field.pixel_start, shape, len(field.truth)
+        x_pix, y_pix, radius_pix, photons_pix, field.origin, field.row_start, shape, len(field.truth_rows)
     )
     expected = _sum_in_circles(x_pix, y_pix, radius_pix, field.background_expected)
-    return Shares(pairs[:, 0], pairs[:, 1], pairs[:, 2], pairs[:, 3], n_background, expected)
+    detection, source, n_photons, n_around = np.ascontiguousarray(pairs.T)
+    return Shares(detection, source, n_photons, n_around, n_background, expected)
 
 
-def _pixel_centres(pixel_start: NDArray[np.int64], shape: tuple[int, ...]) -> FloatArray:
-    pixel = np.repeat(np.arange(shape[0] * shape[1]), np.diff(pixel_start))
-    centres = np.column_stack((pixel % shape[1], pixel // shape[1])).astype(np.float64)
+def _pixel_centres(counts: IntImage) -> FloatArray:
+    pixel = np.repeat(np.arange(counts.size), counts.ravel())
+    centres = np.column_stack((pixel % counts.shape[1], pixel // counts.shape[1])).astype(np.float64)
     centres.setflags(write=False)
     return centres
 
@@ -81,7 +82,19 @@ def _span(centre: float, radius: float, size: int) -> tuple[int, int]:
 
 
 @njit(cache=True)
-def _count_by_origin(x_pix, y_pix, radius_pix, photons_pix, origin, pixel_start, shape, n_sources):  # type: ignore[no-untyped-def]
+def _first_right_of(x: float, photons_pix: FloatArray, low: int, high: int) -> int:
+    """The first of photons low … high − 1, in ascending x, that is not left of x; high if none."""
+    while low < high:
+        middle = (low + high) // 2
+        if photons_pix[middle, 0] < x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def _count_by_origin(x_pix, y_pix, radius_pix, photons_pix, origin, row_start, shape, n_sources):  # type: ignore[no-untyped-def]
     """Rows (detection, source, photons, photons around), and the background photons of each detection."""
     n_detections = x_pix.shape[0]
     n_background = np.zeros(n_detections, np.int64)
@@ -98,7 +111,10 @@ def _count_by_origin(x_pix, y_pix, radius_pix, photons_pix, origin, pixel_start,
         if x_first >= x_stop:
             continue
         for y in range(y_first, y_stop):
-            for k in range(pixel_start[y * shape[1] + x_first], pixel_start[y * shape[1] + x_stop]):
+            stop = row_start[y + 1]
+            for k in range(_first_right_of(x_first - 0.5, photons_pix, row_start[y], stop), stop):
+                if photons_pix[k, 0] >= x_stop - 0.5:
+                    break
                 dx = photons_pix[k, 0] - x_pix[d]
                 dy = photons_pix[k, 1] - y_pix[d]
                 distance2 = dx * dx + dy * dy

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.match.catalogue import detections_of, sources_of
 from survey_mc.match.params import MatchParams
 from survey_mc.types import BoolArray, Field, FloatArray
@@ -106,8 +107,8 @@ def chance_matches(
     field: Field, detections: DataFrame, params: MatchParams, counts_min: float, n_rotations: int = N_ROTATIONS
 ) -> ChanceMatches:
     """Chance matches of all detections and listed sources inside the region of one field."""
-    sources = sources_of(field.truth, params, counts_min)
-    found = detections_of(detections, params)
+    sources = sources_of(field.truth_rows, params, counts_min)
+    found = detections_of(ArrayFrame.of_frame(detections), params)
     grid = field.observation.grid
 
     def from_axis(x_pix: FloatArray, y_pix: FloatArray) -> FloatArray:

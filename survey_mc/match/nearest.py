@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from survey_mc.match.catalogue import Sources
-from survey_mc.match.links import Pairs
+from survey_mc.match.links import Pairs, is_first_of_run
 from survey_mc.match.origin import Origins
 from survey_mc.match.outcome import BLEND, DUPLICATE, FAINT, MATCHED, SPURIOUS, Verdicts
 from survey_mc.match.params import Assignment
@@ -50,8 +50,7 @@ def by_position(candidates: Pairs, sources: Sources, origins: Origins, assignmen
 def _first_of_each(pairs: Pairs, n_detections: int) -> NDArray[np.int64]:
     """Nearest source of each detection, -1 where there is none."""
     first = np.full(n_detections, -1, dtype=np.int64)
-    detection, place = np.unique(pairs.detection, return_index=True)
-    first[detection] = pairs.source[place]
+    first[pairs.detection[::-1]] = pairs.source[::-1]  # what is written last stays
     return first
 
 
@@ -67,8 +66,8 @@ def _assign(listed: Pairs, wanted: NDArray[np.int64], n_detections: int, assignm
     is_wanted = wanted[listed.detection] == listed.source
     suitors = listed if assignment == "mutual" else listed.where(is_wanted)
     order = np.lexsort((suitors.detection, suitors.sep_arcsec, suitors.source))
-    source, place = np.unique(suitors.source[order], return_index=True)
-    detection = suitors.detection[order][place]
+    best = order[is_first_of_run(suitors.source[order])]
+    source, detection = suitors.source[best], suitors.detection[best]
     keep = wanted[detection] == source
     chosen[detection[keep]] = source[keep]
     return chosen

@@ -12,15 +12,17 @@ Limits   sources that share photons but are not the largest never match; photons
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.special import gammainc
 
 from survey_mc.match.apertures import Shares
 from survey_mc.match.catalogue import Detections, Sources
-from survey_mc.match.links import separation_arcsec
+from survey_mc.match.links import is_first_of_run, separation_arcsec
 from survey_mc.match.outcome import BLEND, DUPLICATE, FAINT, MATCHED, SPURIOUS, Verdicts
 from survey_mc.match.params import MatchParams
 from survey_mc.types import BoolArray, FloatArray
@@ -51,27 +53,13 @@ def find_origins(
     shares: Shares, detections: Detections, sources: Sources, params: MatchParams, scale_arcsec: float
 ) -> Origins:
     """Main and second contributor of each detection; ties go to the nearer source, then the lower id."""
-    n_detections = len(detections.det_id)
     separation = separation_arcsec(detections, sources, shares.detection, shares.source, scale_arcsec)
-    excess = shares.n_photons - shares.n_around
-    stands_out = excess > EXCESS_SIGMA * np.sqrt(shares.n_photons + shares.n_around)
-    ties = (shares.source, separation)  # NaN separations come last
-    by_photons = np.lexsort((*ties, -shares.n_photons, shares.detection))
-    by_excess = np.lexsort((*ties, -shares.n_photons, -excess, shares.detection))
-    first = np.flatnonzero(np.diff(shares.detection[by_photons], prepend=-1))
-    main = np.where(stands_out[by_excess[first]], by_excess[first], by_photons[first])
-    several = np.diff(first, append=len(by_photons)) > 1
-    largest, next_largest = by_photons[first[several]], by_photons[first[several] + 1]
-    second = np.where(largest == main[several], next_largest, largest)
-
-    main_source, second_source = np.full((2, n_detections), -1, dtype=np.int64)
-    n_main, n_second = np.zeros((2, n_detections), dtype=np.int64)
-    main_sep = np.full(n_detections, np.nan)
-    main_source[shares.detection[main]] = shares.source[main]
-    n_main[shares.detection[main]] = shares.n_photons[main]
-    main_sep[shares.detection[main]] = separation[main]
-    second_source[shares.detection[second]] = shares.source[second]
-    n_second[shares.detection[second]] = shares.n_photons[second]
+    main, second = _strongest(
+        shares.detection, shares.source, shares.n_photons, shares.n_around, separation, len(detections.det_id)
+    )
+    main_source, second_source = (np.append(shares.source, -1)[share] for share in (main, second))
+    n_main, n_second = (np.append(shares.n_photons, 0)[share] for share in (main, second))
+    main_sep = np.append(separation, np.nan)[main]
 
     # P(≥ n | B) of a Poisson variable is the regularised lower incomplete gamma function; n = 0 has P = 1
     chance = gammainc(np.maximum(n_main + shares.n_background, 1), shares.background_expected)
@@ -80,6 +68,46 @@ def find_origins(
     return Origins(
         main_source, n_main, second_source, n_second, shares.n_background, main_sep, is_significant, is_blend
     )
+
+
+@njit(cache=True)
+def _strongest(detection, source, n_photons, n_around, separation, n_detections):  # type: ignore[no-untyped-def]
+    """Main and second share of each detection, −1 for none."""
+    main, second = np.full(n_detections, -1), np.full(n_detections, -1)
+    largest, next_largest = np.full(n_detections, -1), np.full(n_detections, -1)
+    for k in range(detection.size):
+        d = detection[k]
+        if largest[d] < 0 or _precedes(k, largest[d], n_photons, separation, source):
+            largest[d], next_largest[d] = k, largest[d]
+        elif next_largest[d] < 0 or _precedes(k, next_largest[d], n_photons, separation, source):
+            next_largest[d] = k
+        excess = n_photons[k] - n_around[k]
+        best = main[d] if main[d] >= 0 else k
+        behind = n_photons[best] - n_around[best]
+        if excess > behind or (excess == behind and _precedes(k, best, n_photons, separation, source)):
+            best = k
+        main[d] = best
+    for d in range(n_detections):
+        k = main[d]
+        if k < 0:
+            continue
+        # An excess that may be noise does not tell; then it is the one with most photons.
+        if n_photons[k] - n_around[k] <= EXCESS_SIGMA * math.sqrt(n_photons[k] + n_around[k]):
+            main[d] = largest[d]
+        second[d] = next_largest[d] if largest[d] == main[d] else largest[d]
+    return main, second
+
+
+@njit(cache=True)
+def _precedes(a, b, n_photons, separation, source):  # type: ignore[no-untyped-def]
+    """Share a comes before share b: more photons, then nearer (no place comes last), then the lower source id."""
+    if n_photons[a] != n_photons[b]:
+        return n_photons[a] > n_photons[b]
+    if separation[a] < separation[b] or (np.isnan(separation[b]) and not np.isnan(separation[a])):
+        return True
+    if separation[b] < separation[a] or (np.isnan(separation[a]) and not np.isnan(separation[b])):
+        return False
+    return source[a] < source[b]
 
 
 def by_origin(origins: Origins, sources: Sources) -> Verdicts:
@@ -95,6 +123,6 @@ def by_origin(origins: Origins, sources: Sources) -> Verdicts:
     status[real] = np.where(sources.is_listed[main], DUPLICATE, np.where(origins.is_blend[real], BLEND, FAINT))
     listed = real[sources.is_listed[main]]
     order = np.lexsort((listed, origins.main_sep_arcsec[listed], -origins.n_main[listed], origins.main_source[listed]))
-    _, place = np.unique(origins.main_source[listed][order], return_index=True)
-    status[listed[order][place]] = MATCHED
+    ordered = listed[order]
+    status[ordered[is_first_of_run(origins.main_source[ordered])]] = MATCHED
     return Verdicts(status, np.where(origins.is_significant, origins.main_source, -1))

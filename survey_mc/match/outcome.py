@@ -10,17 +10,16 @@ Invariants: matched + missed = listed sources inside; rows other than missed = d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame, Texts
 from survey_mc.columns import MATCHES
 from survey_mc.match.catalogue import Detections, Sources
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
     from survey_mc.match.origin import Origins
 
 STATUSES = ("matched", "duplicate", "faint", "blend", "spurious", "outside", "missed")
@@ -31,9 +30,9 @@ SOURCE_FACTS = {
     "flux_true_cgs": "flux_cgs",
     "counts_onaxis": "counts_onaxis",
     "counts_expected": "counts_expected",
-    "counts_drawn": "counts_drawn",
     "offaxis_true_arcmin": "offaxis_arcmin",
 }
+ORIGIN_FACTS = ("det_id", "n_main", "n_second", "n_background", "main_source_id", "second_source_id")
 DETECTION_FACTS = ("counts", "counts_err", "flux_cgs", "offaxis_arcmin", "significance", "r50_arcsec")
 
 
@@ -46,7 +45,7 @@ class Verdicts:
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class Join:
     """The outer join in numbers: rows of one rule, -1 where a partner is missing."""
 
     status: NDArray[np.int8]
@@ -54,7 +53,7 @@ class Rows:
     source: NDArray[np.int64]
 
 
-def in_scope(verdicts: Verdicts, detections: Detections, sources: Sources) -> Rows:
+def in_scope(verdicts: Verdicts, detections: Detections, sources: Sources) -> Join:
     """Detections in the order of det_id, those out of scope `outside`; then the missed sources by source_id."""
     status = verdicts.status.copy()
     is_matched = status == MATCHED
@@ -64,63 +63,60 @@ def in_scope(verdicts: Verdicts, detections: Detections, sources: Sources) -> Ro
     is_missed = sources.is_listed & sources.is_inside
     is_missed[verdicts.source[is_matched]] = False
     missed = np.flatnonzero(is_missed)
-    return Rows(
+    return Join(
         np.concatenate((status, np.full(len(missed), MISSED, dtype=np.int8))),
         np.concatenate((np.arange(len(status)), np.full(len(missed), -1))),
         np.concatenate((verdicts.source, missed)),
     )
 
 
-def match_frame(
-    rows_of: dict[str, Rows],
+def match_rows(
+    joins: dict[str, Join],
     origins: Origins,
     separations: dict[str, NDArray[np.float64]],
-    truth: DataFrame,
-    detections: DataFrame,
-) -> DataFrame:
+    truth: ArrayFrame,
+    detections: ArrayFrame,
+) -> ArrayFrame:
     """The matches table of one field, without `realisation`: the rows of each rule in turn.
 
     separations: by rule, (n_detections,). detections: in the order of det_id.
     """
-    import pandas as pd
-
-    detection = np.concatenate([rows.detection for rows in rows_of.values()])
-    source = np.concatenate([rows.source for rows in rows_of.values()])
-    status = np.concatenate([rows.status for rows in rows_of.values()])
-    n_rows = [len(rows.status) for rows in rows_of.values()]
-    columns: dict[str, object] = {
-        "rule": _texts(tuple(rows_of), np.repeat(np.arange(len(rows_of)), n_rows)),
-        "status": _texts(STATUSES, status.astype(np.int64)),
+    detection = np.concatenate([join.detection for join in joins.values()])
+    source = np.concatenate([join.source for join in joins.values()])
+    status = np.concatenate([join.status for join in joins.values()])
+    n_rows = [len(join.status) for join in joins.values()]
+    found = _taken(detection, *((detections[name], np.nan) for name in DETECTION_FACTS))
+    photons = _taken(
+        detection,
+        (detections["det_id"], -1),
+        (origins.n_main, 0),
+        (origins.n_second, 0),
+        (origins.n_background, 0),
+        (origins.main_source, -1),
+        (origins.second_source, -1),
+    )
+    true = _taken(source, *((truth[name], np.nan) for name in SOURCE_FACTS.values()))
+    columns: dict[str, NDArray[Any] | Texts] = {
+        "rule": Texts(tuple(joins), np.repeat(np.arange(len(joins), dtype=np.int32), n_rows)),
+        "status": Texts(STATUSES, status.astype(np.int32)),
         "source_id": source.astype(np.int32),
-        "det_id": _taken(detections["det_id"].to_numpy(np.int32), detection, -1),
         "sep_arcsec": np.concatenate(
-            [_taken(separations[rule], rows.detection, np.nan) for rule, rows in rows_of.items()]
+            [_taken(join.detection, (separations[rule], np.nan))[0] for rule, join in joins.items()]
         ),
-        "n_main": _taken(origins.n_main.astype(np.int32), detection, 0),
-        "n_second": _taken(origins.n_second.astype(np.int32), detection, 0),
-        "n_background": _taken(origins.n_background.astype(np.int32), detection, 0),
-        "main_source_id": _taken(origins.main_source.astype(np.int32), detection, -1),
-        "second_source_id": _taken(origins.second_source.astype(np.int32), detection, -1),
-        "is_blend": _taken(origins.is_blend, detection, False),
+        "is_blend": _taken(detection, (origins.is_blend, False))[0],
+        "kind_true": truth.texts("kind").take(source),
+        "counts_drawn": _taken(source, (truth["counts_drawn"], 0))[0],
+        **dict(zip(ORIGIN_FACTS, photons.astype(np.int32), strict=True)),
+        **dict(zip(SOURCE_FACTS, true, strict=True)),
+        **dict(zip(DETECTION_FACTS, found, strict=True)),
     }
-    columns["kind_true"] = truth["kind"].array.take(source, allow_fill=True, fill_value="")
-    for name, truth_name in SOURCE_FACTS.items():
-        columns[name] = _taken(truth[truth_name].to_numpy(), source, 0 if name == "counts_drawn" else np.nan)
-    for name in DETECTION_FACTS:
-        columns[name] = _taken(detections[name].to_numpy(), detection, np.nan)
-    return pd.DataFrame({name: columns[name] for name in MATCH_NAMES}, copy=False)
+    return ArrayFrame({name: columns[name] for name in MATCH_NAMES})
 
 
-def _texts(words: tuple[str, ...], code: NDArray[np.int64]) -> object:
-    """words[code] in the text type of the installed pandas."""
-    import pandas as pd
-
-    return pd.Series(list(words)).array.take(code)
-
-
-def _taken(values: NDArray[np.generic], row: NDArray[np.int64], missing: object) -> NDArray[np.generic]:
-    """values[row], and `missing` where the row is -1."""
-    taken = np.full(len(row), missing, dtype=values.dtype)
-    known = row >= 0
-    taken[known] = values[row[known]]
-    return taken
+def _taken(row: NDArray[np.int64], *columns: tuple[NDArray[Any], float]) -> NDArray[Any]:
+    """(n_columns, n_rows) values of several columns in these rows, each with what stands where the row is -1."""
+    table = np.empty((len(columns), len(columns[0][0]) + 1), dtype=columns[0][0].dtype)
+    for line, (values, missing) in zip(table, columns, strict=True):
+        line[:-1] = values
+        line[-1] = missing  # row -1 is the last one
+    return table.take(row, axis=1)

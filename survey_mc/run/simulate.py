@@ -58,4 +58,4 @@ def replay(campaign: Campaign, cell: Cell, method_label: str, realisation: int) 
     found = detect_on(campaign, method, field, realisation)
     if isinstance(found, Skip):
         raise BadInput(method_label, f"skips this field: {found.reason}")
-    return Replayed(field, found, match_on(campaign, cell, field, found))
+    return Replayed(field, found.frame(), match_on(campaign, cell, field, found))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.campaign import Campaign, Cell, CellMethod
 from survey_mc.campaign.inputs import located_params
 from survey_mc.campaign.keys import realisation_key
 from survey_mc.columns import DETECTIONS, LINKS, MATCHES, TRUTH, Table
-from survey_mc.detect import DETECTORS, check_detections
+from survey_mc.detect import DETECTORS
+from survey_mc.detect.contract import checked_rows
 from survey_mc.match import Matched, match_field
 from survey_mc.rng import stream
 from survey_mc.store.layout import StoredTable
@@ -33,33 +36,30 @@ def table_of(table: StoredTable, method_name: str = "") -> Table:
     return {"truth": TRUTH, "matches": MATCHES, "links": LINKS}[table]
 
 
-def detect_on(campaign: Campaign, method: CellMethod, field: Field, realisation: int) -> DataFrame | Skip:
+def detect_on(campaign: Campaign, method: CellMethod, field: Field, realisation: int) -> ArrayFrame | Skip:
     """Run one method on the observation of a field; the result is checked against the detector contract."""
     detector = DETECTORS[method.name]
     rng = stream(realisation_key(method.detect_key, realisation), "detect")
     found = detector.detect(field.observation, method_choice_params(campaign, method), rng)
-    return found if isinstance(found, Skip) else check_detections(detector, field.observation, found)
+    return found if isinstance(found, Skip) else checked_rows(detector, field.observation, found)
 
 
-def match_on(campaign: Campaign, cell: Cell, field: Field, detections: DataFrame) -> Matched:
+def match_on(campaign: Campaign, cell: Cell, field: Field, detections: DataFrame | ArrayFrame) -> Matched:
     """Match the detections of one method with the truth of the field, by both rules."""
     return match_field(field, detections, campaign.match, cell.counts_min)
 
 
-def stored_truth(field: Field) -> DataFrame:
+def stored_truth(field: Field) -> ArrayFrame:
     """The truth that is kept: every source that can give photons. Those outside the field of view cannot."""
-    truth = field.truth
-    return truth[(truth["counts_expected"] > 0.0) | (truth["counts_drawn"] > 0)]
+    truth = field.truth_rows
+    return truth.where((truth["counts_expected"] > 0.0) | (truth["counts_drawn"] > 0))
 
 
-def stack(rows: list[tuple[int, DataFrame]], table: Table) -> DataFrame:
-    """One frame with the `realisation` column from frames of single realisations, in the order given."""
-    import pandas as pd
-
-    names = list(table.names[1:])
-    # Frames without rows may carry columns without type; they must not spoil those of the others.
-    frames = [frame for _, frame in rows if len(frame)] or [frame for _, frame in rows[:1]]
-    stacked = pd.concat(frames, ignore_index=True)[names]
-    numbers = np.array([number for number, _ in rows], dtype=np.int32)
-    stacked.insert(0, "realisation", np.repeat(numbers, [len(frame) for _, frame in rows]))
-    return stacked
+def stack(parts: Sequence[tuple[int, DataFrame | ArrayFrame]], table: Table) -> ArrayFrame:
+    """The rows of single realisations in the order given, with their `realisation`."""
+    every = [part if isinstance(part, ArrayFrame) else ArrayFrame.of_frame(part) for _, part in parts]
+    # Those without rows may have columns without type; they must not spoil the type of the others.
+    columns = ArrayFrame.together([rows for rows in every if len(rows)] or every[:1]).columns
+    numbers = np.array([number for number, _ in parts], dtype=np.int32)
+    realisation = np.repeat(numbers, [len(rows) for rows in every])
+    return ArrayFrame({"realisation": realisation} | {name: columns[name] for name in table.names[1:]})

@@ -17,7 +17,7 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from survey_mc.errors import BadInput
 from survey_mc.sky.cosmology import CosmologyName, angle_arcsec, hubble_constant
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.types import FloatArray, Sky
 from survey_mc.units import ARCSEC_PER_ARCMIN
 
@@ -109,7 +109,7 @@ def draw(params: ClustersParams, context: SkyContext) -> Sky:
             f"a cluster is at {np.abs(xy_arcsec).max() / ARCSEC_PER_ARCMIN:.1f}′ in x or y; the image ends at "
             f"{context.half_width_arcsec / ARCSEC_PER_ARCMIN:.1f}′",
         )
-    sources = source_frame(
+    sources = source_rows(
         "extended",
         xy_arcsec[:, 0],
         xy_arcsec[:, 1],

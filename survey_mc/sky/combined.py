@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.sky import clusters, empty, flux_grid, image, lognlogs, pair_rows
 from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams
 from survey_mc.types import Sky, SkyImage
@@ -40,8 +41,6 @@ class CombinedParams(SkyParams):
 
 def draw(params: CombinedParams, context: SkyContext) -> Sky:
     """The sources of all parts, in the order of the parts."""
-    from pandas import concat
-
     seen: Counter[str] = Counter()
     skies: list[Sky] = []
     for part in params.parts:
@@ -49,10 +48,8 @@ def draw(params: CombinedParams, context: SkyContext) -> Sky:
         seen[part.kind] += 1
         own = context.with_streams_of(f"{part.kind}{repeated + 1}") if repeated else context
         skies.append(_KIND_BY_NAME[part.kind].draw(part, own))
-    frames = [sky.sources for sky in skies if len(sky.sources)]
-    sources = concat(frames, ignore_index=True) if len(frames) > 1 else (frames or [skies[0].sources])[0]
     images: tuple[SkyImage, ...] = tuple(picture for sky in skies for picture in sky.images)
-    return Sky(sources, images)
+    return Sky(ArrayFrame.together([sky.source_rows for sky in skies]), images)
 
 
 KIND = SkyKind(

@@ -76,27 +76,27 @@ class BrokenPowerLaw:
 
     def number_above(self, flux_cgs: FloatArray) -> FloatArray:
         flux = np.asarray(flux_cgs, dtype=np.float64)
-        bright = PowerLaw.differential(self.bright_norm, self.bright_slope)
-        faint = PowerLaw.differential(self.faint_norm, self.faint_slope)
-        _, offset = self._at_break()
+        bright, faint, _, offset = _branches(self)
         return np.where(flux > self.flux_break_cgs, bright.number_above(flux), faint.number_above(flux) + offset)
 
     def flux_at(self, number_per_deg2: FloatArray) -> FloatArray:
         number = np.asarray(number_per_deg2, dtype=np.float64)
-        bright = PowerLaw.differential(self.bright_norm, self.bright_slope)
-        faint = PowerLaw.differential(self.faint_norm, self.faint_slope)
-        at_break, offset = self._at_break()
-        # numbers of the bright branch are kept out of the faint one, where they would be ≤ 0
-        faint_flux = faint.flux_at(np.maximum(number, at_break) - offset)
-        return np.where(number < at_break, bright.flux_at(number), faint_flux)
+        bright, faint, at_break, offset = _branches(self)
+        is_bright = number < at_break
+        flux = np.empty_like(number)
+        flux[is_bright] = bright.flux_at(number[is_bright])
+        flux[~is_bright] = faint.flux_at(number[~is_bright] - offset)
+        return flux
 
-    def _at_break(self) -> tuple[float, float]:
-        """N(>break), and what the faint power law needs to meet the bright one there."""
-        bright = PowerLaw.differential(self.bright_norm, self.bright_slope)
-        faint = PowerLaw.differential(self.faint_norm, self.faint_slope)
-        flux_break = np.array([self.flux_break_cgs])
-        at_break = float(bright.number_above(flux_break)[0])
-        return at_break, at_break - float(faint.number_above(flux_break)[0])
+
+@lru_cache(maxsize=16)
+def _branches(counts: BrokenPowerLaw) -> tuple[PowerLaw, PowerLaw, float, float]:
+    """The bright and the faint power law, N(>break), and what the faint one needs to meet the bright one there."""
+    bright = PowerLaw.differential(counts.bright_norm, counts.bright_slope)
+    faint = PowerLaw.differential(counts.faint_norm, counts.faint_slope)
+    flux_break = np.array([counts.flux_break_cgs])
+    at_break = float(bright.number_above(flux_break)[0])
+    return bright, faint, at_break, at_break - float(faint.number_above(flux_break)[0])
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.types import Sky
 
 
@@ -19,7 +19,7 @@ class EmptyParams(SkyParams):
 def draw(params: EmptyParams, context: SkyContext) -> Sky:
     """A sky with zero sources."""
     nothing = np.empty(0)
-    return Sky(source_frame("point", nothing, nothing, nothing, nothing))
+    return Sky(source_rows("point", nothing, nothing, nothing, nothing))
 
 
 KIND = SkyKind(

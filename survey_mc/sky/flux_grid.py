@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from survey_mc.errors import BadInput
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.types import FloatArray, Sky
 from survey_mc.units import ARCSEC_PER_ARCMIN
 
@@ -72,7 +72,7 @@ def draw(params: FluxGridParams, context: SkyContext) -> Sky:
     group_id = np.arange(len(chosen), dtype=np.int32) % np.int32(len(flux_list))
     flux_cgs = flux_list[group_id]
     extended = params.source == "extended"
-    sources = source_frame(
+    sources = source_rows(
         params.source,
         xy_arcsec[:, 0],
         xy_arcsec[:, 1],

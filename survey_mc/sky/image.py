@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from survey_mc.errors import BadInput
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.types import Sky, SkyImage
 
 
@@ -44,7 +44,7 @@ def draw(params: ImageParams, context: SkyContext) -> Sky:
     rate_cps = context.rate_cps(pixels) if params.quantity == "flux" else pixels
     rate_cps.setflags(write=False)
     nothing = np.empty(0)
-    sources = source_frame("point", nothing, nothing, nothing, nothing)
+    sources = source_rows("point", nothing, nothing, nothing, nothing)
     return Sky(sources, (SkyImage(rate_cps, params.scale_arcsec),))
 
 

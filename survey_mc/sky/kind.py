@@ -9,18 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from survey_mc.array_frame import ArrayFrame, Texts
 from survey_mc.errors import BadInput
 from survey_mc.types import Band, FloatArray, IntArray, Sky, SkyImage
 from survey_mc.units import flux_from_rate, rate_from_flux
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 
 class SkyParams(BaseModel):
@@ -76,15 +73,7 @@ class SkyKind:
     tiny: SkyParams
 
 
-@lru_cache(maxsize=8)
-def _one_string(text: str) -> Any:
-    """A text column of one row: repeating it is 20 times faster than converting n strings."""
-    from pandas import Series
-
-    return Series([text]).array
-
-
-def source_frame(
+def source_rows(
     kind: str | Sequence[str],
     x_arcsec: FloatArray,
     y_arcsec: FloatArray,
@@ -96,29 +85,27 @@ def source_frame(
     redshift: FloatArray | float = np.nan,
     group_id: IntArray | int = -1,
     group_sep_arcsec: FloatArray | float = np.nan,
-) -> DataFrame:
+) -> ArrayFrame:
     """Table of sources with the columns of `SKY_COLUMNS`, one row a source.
 
     x_arcsec, y_arcsec, flux_cgs, rate_cps: (n,). The others: (n,) or one value for all.
     """
-    from pandas import DataFrame, RangeIndex, Series
-
     n = len(x_arcsec)
-    kinds = _one_string(kind).repeat(n) if isinstance(kind, str) else Series(kind).array
 
     def column(values: FloatArray | float) -> FloatArray:
         return np.full(n, values) if np.isscalar(values) else np.asarray(values, dtype=np.float64)
 
-    columns = {
-        "kind": kinds,
-        "x_arcsec": column(x_arcsec),
-        "y_arcsec": column(y_arcsec),
-        "flux_cgs": column(flux_cgs),
-        "rate_cps": column(rate_cps),
-        "core_radius_arcsec": column(core_radius_arcsec),
-        "beta": column(beta),
-        "redshift": column(redshift),
-        "group_id": np.full(n, group_id, dtype=np.int32),
-        "group_sep_arcsec": column(group_sep_arcsec),
-    }
-    return DataFrame(columns, index=RangeIndex(n), copy=False)
+    return ArrayFrame(
+        {
+            "kind": Texts.repeated(kind, n) if isinstance(kind, str) else Texts.of(kind),
+            "x_arcsec": column(x_arcsec),
+            "y_arcsec": column(y_arcsec),
+            "flux_cgs": column(flux_cgs),
+            "rate_cps": column(rate_cps),
+            "core_radius_arcsec": column(core_radius_arcsec),
+            "beta": column(beta),
+            "redshift": column(redshift),
+            "group_id": np.full(n, group_id, dtype=np.int32),
+            "group_sep_arcsec": column(group_sep_arcsec),
+        }
+    )

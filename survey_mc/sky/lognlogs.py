@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from survey_mc.errors import BadInput
 from survey_mc.sky.counts import FLUX_BRIGHTEST_CGS, FLUX_FAINTEST_CGS, Counts
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.sky.relations import RELATIONS, number_counts, relations_for
 from survey_mc.types import FloatArray, Sky
 from survey_mc.units import ARCSEC_PER_ARCMIN, ARCSEC_PER_DEG
@@ -94,7 +94,7 @@ def draw(params: LogNLogSParams, context: SkyContext) -> Sky:
     )
     unit_square = context.rng("positions").random((len(flux_cgs), 2))
     x_arcsec, y_arcsec = (2.0 * unit_square.T - 1.0) * half_arcsec
-    return Sky(source_frame("point", x_arcsec, y_arcsec, flux_cgs, context.rate_cps(flux_cgs)))
+    return Sky(source_rows("point", x_arcsec, y_arcsec, flux_cgs, context.rate_cps(flux_cgs)))
 
 
 def expected_number(params: LogNLogSParams, band: str, half_width_arcsec: float) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from survey_mc.errors import BadInput
-from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_frame
+from survey_mc.sky.kind import SkyContext, SkyKind, SkyParams, source_rows
 from survey_mc.types import FloatArray, Sky
 from survey_mc.units import ARCSEC_PER_ARCMIN, SECONDS_PER_KS
 
@@ -80,7 +80,7 @@ def draw(params: PairRowsParams, context: SkyContext) -> Sky:
     kinds = [params.first, params.second] * (n_rows * n_columns)
     extended = np.array([kind == "extended" for kind in kinds])
     separation = np.broadcast_to(np.array(params.separations_arcsec)[None, :, None], shape)
-    sources = source_frame(
+    sources = source_rows(
         kinds,
         x_arcsec.ravel(),
         y_arcsec.ravel(),

@@ -7,26 +7,27 @@ Limits   equal bytes are promised for the same versions of pyarrow; a reader els
 
 from __future__ import annotations
 
-import hashlib
-import os
 import uuid
-from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.columns import Column, Table
 from survey_mc.errors import DamagedStore
+from survey_mc.store.files import file_sha256, fsync, is_plain, temporary_path
 from survey_mc.store.layout import Piece, RunLayout
 from survey_mc.store.manifest import Record
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
-_ARROW_TYPES = {
+ARROW_TYPES = {
     "int32": pa.int32(),
     "int64": pa.int64(),
     "float64": pa.float64(),
@@ -36,38 +37,46 @@ _ARROW_TYPES = {
 _ZSTD_LEVEL = 1
 
 
+@lru_cache(maxsize=64)
 def arrow_schema(table: Table) -> pa.Schema:
     """Arrow schema of a declared table, with unit, ucd and about in the field metadata."""
     fields = [
-        pa.field(c.name, _ARROW_TYPES[c.dtype], metadata={"unit": c.unit, "ucd": c.ucd, "about": c.about})
+        pa.field(c.name, ARROW_TYPES[c.dtype], metadata={"unit": c.unit, "ucd": c.ucd, "about": c.about})
         for c in table.columns
     ]
     return pa.schema(fields, metadata={"table": table.name, "about": table.about, "schema_version": str(table.version)})
 
 
 def columns_of_schema(schema: pa.Schema) -> tuple[Column, ...]:
-    """The declared columns a stored schema carries (the inverse of `arrow_schema`)."""
-    names = {arrow: name for name, arrow in _ARROW_TYPES.items()}
+    """The declared columns a stored schema carries; those of types that no declaration has are left out."""
+    names = {arrow: name for name, arrow in ARROW_TYPES.items()}
     return tuple(
         Column(f.name, names[f.type], *((f.metadata or {}).get(k, b"").decode() for k in (b"about", b"unit", b"ucd")))  # type: ignore[arg-type]
         for f in schema
+        if f.type in names
     )
 
 
-def _arrow_table(table: Table, frame: DataFrame) -> pa.Table:
+def arrow_table(table: Table, rows: DataFrame | ArrayFrame) -> pa.Table:
+    """Rows with exactly the declared columns and types; `ValueError` if they lack one."""
     schema = arrow_schema(table)
-    missing = [name for name in table.names if name not in frame.columns]
+    missing = [name for name in table.names if name not in rows.columns]
     if missing:
         raise ValueError(f"table {table.name!r} lacks the columns {missing}")
-    arrays = []
-    for column, field in zip(table.columns, schema, strict=True):
-        values = frame[column.name]
-        if column.dtype == "string":
-            arrays.append(pa.array(values, type=field.type))
-        else:
-            numbers = np.ascontiguousarray(values.to_numpy(), dtype=np.dtype(column.dtype))
-            arrays.append(pa.array(numbers, type=field.type, from_pandas=False))
+    arrays = [
+        rows.texts(column.name).arrow()
+        if column.dtype == "string" and isinstance(rows, ArrayFrame)
+        else _arrow_array(column, rows[column.name])
+        for column in table.columns
+    ]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _arrow_array(column: Column, values: Series | NDArray[Any]) -> pa.Array:
+    if column.dtype == "string":
+        return pa.array(values, type=pa.string())
+    numbers = np.ascontiguousarray(values, dtype=np.dtype(column.dtype))
+    return pa.array(numbers, type=ARROW_TYPES[column.dtype], from_pandas=False)
 
 
 def _write(path: Path | pa.NativeFile, data: pa.Table) -> None:
@@ -85,18 +94,11 @@ def _write(path: Path | pa.NativeFile, data: pa.Table) -> None:
     )
 
 
-def _fsync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def file_sha256(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's bytes."""
-    with path.open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
+def _rows_read_back(path: Path, schema: pa.Schema) -> int:
+    """Rows of a file, read whole with page checksums; its texts stay the dictionaries they are stored as."""
+    texts = [f.name for f in schema if f.type == pa.string()]
+    with pq.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts) as file:
+        return int(file.read(use_threads=False).num_rows)
 
 
 def _write_whole(temporary: Path, final: Path, data: pa.Table) -> str:
@@ -105,45 +107,38 @@ def _write_whole(temporary: Path, final: Path, data: pa.Table) -> str:
     final.parent.mkdir(parents=True, exist_ok=True)
     try:
         _write(temporary, data)
-        back = pq.read_table(temporary, page_checksum_verification=True, use_threads=False)
-        if back.num_rows != data.num_rows:
-            raise OSError(f"{final.name}: wrote {data.num_rows} rows and read back {back.num_rows}")
+        n_rows = _rows_read_back(temporary, data.schema)
+        if n_rows != data.num_rows:
+            raise OSError(f"{final.name}: wrote {data.num_rows} rows and read back {n_rows}")
         digest = file_sha256(temporary)
-        _fsync(temporary)
-        temporary.replace(final)
-        _fsync(final.parent)
+        # A file that is there already, made once more beside one that was damaged, keeps its time.
+        if not (is_plain(final) and file_sha256(final) == digest):
+            fsync(temporary)
+            temporary.replace(final)
+        fsync(final.parent)
     finally:
         temporary.unlink(missing_ok=True)
     return digest
 
 
-def commit_piece(layout: RunLayout, piece: Piece, table: Table, frame: DataFrame) -> Record:
+def commit_piece(layout: RunLayout, piece: Piece, table: Table, rows: DataFrame | ArrayFrame) -> Record:
     """Store a piece; done twice it writes the same bytes to the same name. Its record has to enter the manifest."""
-    final = layout.root / piece.path
-    digest = _write_whole(layout.temporary / f"{uuid.uuid4().hex}.parquet", final, _arrow_table(table, frame))
-    return Record(piece, digest, len(frame), final.stat().st_size, table.version)
+    return write_piece(layout, piece, table, rows, layout.root / piece.path)
 
 
-def read_piece(layout: RunLayout, record: Record, columns: Sequence[str] | None = None) -> DataFrame:
-    """Rows of a committed file; one that is not what the manifest says raises `DamagedStore` with its name.
-
-    Page checksums do not cover a Parquet footer, so the SHA-256 of the whole file is compared before it is parsed.
-    """
-    path = layout.root / record.piece.path
-    remedy = "`survey-mc verify --repair` computes it again"
-    try:
-        content = path.read_bytes()
-    except OSError as problem:
-        raise DamagedStore(f"{path}: is in the manifest and cannot be read ({problem.strerror}); {remedy}") from None
-    if hashlib.sha256(content).hexdigest() != record.sha256:
-        raise DamagedStore(f"{path}: has changed since it was written; {remedy}")
-    data = pq.read_table(pa.BufferReader(content), columns=list(columns) if columns else None, use_threads=False)
-    return data.to_pandas()
+def write_piece(layout: RunLayout, piece: Piece, table: Table, rows: DataFrame | ArrayFrame, final: Path) -> Record:
+    """Write the file of a piece, at its place or where it waits to take it."""
+    digest = _write_whole(layout.temporary / f"{uuid.uuid4().hex}.parquet", final, arrow_table(table, rows))
+    return Record(piece, digest, len(rows), final.stat().st_size, table.version)
 
 
 def piece_table(layout: RunLayout, piece: Piece) -> Table:
     """The declared table a stored file carries in its own schema."""
-    schema = pq.read_schema(layout.root / piece.path)
+    return table_of_schema(pq.read_schema(layout.root / piece.path))
+
+
+def table_of_schema(schema: pa.Schema) -> Table:
+    """The inverse of `arrow_schema`."""
     meta = schema.metadata or {}
     return Table(
         meta[b"table"].decode(), meta[b"about"].decode(), columns_of_schema(schema), int(meta[b"schema_version"])
@@ -156,17 +151,23 @@ def empty_frame(table: Table) -> DataFrame:
 
 
 def read_frame(path: Path) -> DataFrame:
-    """An aggregated table, page checksums verified."""
-    return pq.read_table(path, page_checksum_verification=True, use_threads=False, partitioning=None).to_pandas()
+    """An aggregated table, page checksums verified; `DamagedStore` for what is none."""
+    remedy = "`survey-mc report` makes it again"
+    if not path.is_file():
+        raise DamagedStore(f"{path}: is not a file; {remedy}")
+    try:
+        return pq.read_table(path, page_checksum_verification=True, use_threads=False, partitioning=None).to_pandas()
+    except (OSError, pa.ArrowException) as problem:
+        raise DamagedStore(f"{path}: cannot be read ({str(problem)[:120]}); {remedy}") from None
 
 
-def encoded_bytes(table: Table, frame: DataFrame) -> int:
-    """Size of a frame as a stored file, without writing it."""
+def encoded_bytes(table: Table, rows: DataFrame | ArrayFrame) -> int:
+    """Size of rows as a stored file, without writing it."""
     sink = pa.BufferOutputStream()
-    _write(sink, _arrow_table(table, frame))
+    _write(sink, arrow_table(table, rows))
     return int(sink.getvalue().size)
 
 
 def write_frame(path: Path, table: Table, frame: DataFrame) -> None:
     """Write an aggregated table as Parquet with the same promises as the store."""
-    _write_whole(path.with_name(f".{path.name}.{uuid.uuid4().hex}"), path, _arrow_table(table, frame))
+    _write_whole(temporary_path(path), path, arrow_table(table, frame))

@@ -72,16 +72,18 @@ def king_offsets(
         dx[i] = rng.standard_exponential()
         dy[i] = rng.random()
     for i in range(n):
-        radius = core_radius * math.sqrt(math.exp(dx[i] * inverse_slope) - 1.0)
+        dx[i] = core_radius * math.sqrt(math.exp(dx[i] * inverse_slope) - 1.0)
+    for i in range(n):
+        radius = dx[i]
         turns = 4.0 * dy[i]
-        quarter = math.floor(turns)
+        quarter = np.floor(turns)
         angle = (turns - quarter - 0.5) * _QUARTER_TURN
         a2 = angle * angle
         sine = 1.0 + a2 * (-1 / 6 + a2 * (1 / 120 + a2 * (-1 / 5040 + a2 * (1 / 362880 - a2 / 39916800))))
         sine *= angle
         cosine = a2 * (1 / 24 + a2 * (-1 / 720 + a2 * (1 / 40320 + a2 * (-1 / 3628800 + a2 / 479001600))))
         cosine = 1.0 + a2 * (-0.5 + cosine)
-        half = math.floor(0.5 * quarter)
+        half = np.floor(0.5 * quarter)
         is_odd = quarter - 2.0 * half
         radius *= 1.0 - 2.0 * half
         dx[i] = radius * (cosine * (1.0 - is_odd) - sine * is_odd)

@@ -11,12 +11,14 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from survey_mc.telescope._draw import BELOW_ONE
 from survey_mc.types import FloatArray, FloatImage, IntArray, IntImage
 
 _BINS_PER_COLUMN = 8  # fine columns of the sorting: the more, the less is left to move in bright pixels
 _BINS_PER_FRACTION = 4096
+_STRIDE = 8  # pixels passed at once on the way to the next background photon
 _BRIGHT_COLUMN = 500  # photons in a fine column from which moving them one by one costs more than another pass
 
 
@@ -85,27 +87,25 @@ def merged(
     levels: FloatArray,
     heights: FloatArray,
     photons: FloatArray,
-) -> tuple[IntImage, FloatArray, IntArray, IntArray]:
-    """Background and source photons in row-major pixel order, x ascending inside a pixel.
+) -> tuple[IntImage, FloatArray, IntArray, NDArray[np.int64]]:
+    """Background and source photons row by row, x ascending in a row.
 
     The background is the process `levels` along `expected`, as in `place_in_pixels`; edges: (ny·nx + 1,) accumulated
     expectation before each pixel and after the last; photons are from `sorted_by_row`. Returns counts (ny, nx),
-    positions (n, 2), origin (n,; −1 for background) and the first photon of each pixel (ny·nx + 1,).
+    positions (n, 2), origin (n,; −1 for background) and the first photon of each row (ny + 1,).
     """
     ny, nx = expected.shape
     means = expected.ravel()
     n_sources = photons.shape[0]
     positions = np.empty((levels.size + n_sources, 2))
     origin = np.empty(levels.size + n_sources, np.int32)
-    pixel_start = np.zeros(ny * nx + 1, np.int64)
+    counts = np.zeros((ny, nx), np.int32)
+    each = counts.ravel()
+    row_start = np.zeros(ny + 1, np.int64)
     n = s = pixel = row = 0
     next_pixel = _pixel_of(photons, s, nx)
     for b in range(levels.size + 1):
-        if b < levels.size:
-            while pixel < means.size and edges[pixel + 1] <= levels[b]:
-                pixel += 1
-        else:
-            pixel = means.size
+        pixel = _pixel_of_level(edges, pixel, levels[b]) if b < levels.size else means.size
         while (row + 1) * nx <= pixel:
             row += 1
         x = np.inf
@@ -114,7 +114,8 @@ def merged(
         while next_pixel < pixel or (next_pixel == pixel and s < n_sources and photons[s, 0] < x):
             positions[n, 0], positions[n, 1] = photons[s, 0], photons[s, 1]
             origin[n] = int(photons[s, 2])
-            pixel_start[next_pixel + 1] += 1
+            each[next_pixel] += 1
+            row_start[next_pixel // nx + 1] += 1
             n += 1
             s += 1
             next_pixel = _pixel_of(photons, s, nx)
@@ -122,14 +123,29 @@ def merged(
             break
         positions[n, 0], positions[n, 1] = x, row - 0.5 + heights[b]
         origin[n] = -1
-        pixel_start[pixel + 1] += 1
+        each[pixel] += 1
+        row_start[row + 1] += 1
         n += 1
-    counts = np.empty((ny, nx), np.int32)
-    each = counts.ravel()
-    for p in range(means.size):
-        each[p] = pixel_start[p + 1]
-        pixel_start[p + 1] += pixel_start[p]
-    return counts, positions[:n], origin[:n], pixel_start
+    for y in range(ny):
+        row_start[y + 1] += row_start[y]
+    return counts, positions[:n], origin[:n], row_start
+
+
+@njit(cache=True)
+def _pixel_of_level(edges: FloatArray, pixel: int, level: float) -> int:
+    """First pixel from `pixel` on whose upper edge is above a level that is at or above its lower edge."""
+    n_pix = edges.size - 1
+    while pixel + _STRIDE < n_pix and edges[pixel + _STRIDE] <= level:
+        pixel += _STRIDE
+    if pixel + _STRIDE < n_pix:
+        # Counting is quicker than stopping: where it would stop, the processor cannot foresee.
+        beyond = 0
+        for k in range(1, _STRIDE):
+            beyond += edges[pixel + k] <= level
+        return pixel + beyond
+    while pixel < n_pix and edges[pixel + 1] <= level:
+        pixel += 1
+    return pixel
 
 
 @njit(cache=True)

@@ -9,24 +9,22 @@ Limits   no pile-up, chips or time. Photons from sky directions outside the fiel
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from survey_mc.array_frame import ArrayFrame, Texts
 from survey_mc.telescope import _draw, _order
 from survey_mc.telescope.beta_model import profile_directions
 from survey_mc.telescope.response import Response
-from survey_mc.telescope.vignetting import VALID_ARCMIN, held_vignetting
+from survey_mc.telescope.vignetting import VALID_ARCMIN
 from survey_mc.types import Field, FloatArray, IntArray, Observation, Sky, SkyImage
 from survey_mc.units import ARCSEC_PER_ARCMIN, flux_from_rate
 
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 Streams = Callable[[str], np.random.Generator]
-Columns = Mapping[str, NDArray[Any]]
 
 _COPIED = (
     "flux_cgs",
@@ -37,7 +35,6 @@ _COPIED = (
     "group_id",
     "group_sep_arcsec",
 )
-_NUMBERS = ("x_arcsec", "y_arcsec", *_COPIED)
 
 
 def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
@@ -46,32 +43,31 @@ def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
     rng(name): random stream of this field; used are "background", "photons" and "sky_image". key: content key of the
     field. The truth has one row for each source, then one (kind "image") for each sky image.
     """
-    column = {name: sky.sources[name].to_numpy() for name in _NUMBERS}
-    sources = _sources(column, response.exposure_s)
-    n_sources = len(sources)
+    sources = _sources(sky.source_rows, response)
+    n_sources = len(sources.table)
     photon_rng = rng("photons")
-    n_photons = photon_rng.poisson(_photons_expected(sources, response))
-    x_arcsec, y_arcsec, number = _draw.source_directions(photon_rng, sources, n_photons, *_losses(response))
+    n_photons = photon_rng.poisson(sources.photons_expected())
+    x_arcsec, y_arcsec, number = _draw.source_directions(photon_rng, sources.table, n_photons, *_losses(response))
     parts = [_scattered(photon_rng, x_arcsec, y_arcsec, number, response)]
     if sky.images:
         image_rng = rng("sky_image")
         parts += [_image_photons(image_rng, image, response, n_sources + i) for i, image in enumerate(sky.images)]
     photons = np.concatenate(parts) if len(parts) > 1 else parts[0]
-    counts, positions, origin, pixel_start = _order.merged(
+    counts, positions, origin, row_start = _order.merged(
         response.background_expected,
         response.background_edges,
         *_arrivals(rng("background"), float(response.background_edges[-1])),
         _order.sorted_by_row(photons, *response.grid.shape),
     )
-    for values in (origin, pixel_start):
+    for values in (origin, row_start):
         values.setflags(write=False)
     n_rows = n_sources + len(sky.images)
     drawn = np.bincount(photons[:, 2].astype(np.int32), minlength=n_rows).astype(np.int32)
     return Field(
         key=key,
-        truth=_truth(sky, response, column, sources, drawn),
+        truth_rows=_truth(sky, response, sources, drawn),
         origin=origin,
-        pixel_start=pixel_start,
+        row_start=row_start,
         background_expected=response.background_expected,
         observation=Observation(
             counts=counts,
@@ -101,17 +97,6 @@ def _losses(response: Response) -> tuple[FloatArray, float, float]:
     return np.array(response.vignetting), VALID_ARCMIN, response.field_of_view_arcmin
 
 
-def _photons_expected(sources: FloatArray, response: Response) -> FloatArray:
-    """(n,) mean number of photons to draw: thinned for a point, whose photons share one transmission; else on axis.
-
-    Sources beyond the edge of the image count: the wings of their PSF reach into it.
-    """
-    offaxis_arcmin = np.hypot(sources[:, 0], sources[:, 1]) / ARCSEC_PER_ARCMIN
-    seen = np.where(offaxis_arcmin <= response.field_of_view_arcmin, 1.0, 0.0)
-    seen *= held_vignetting(offaxis_arcmin, response.vignetting)
-    return np.asarray(sources[:, 2] * np.where(sources[:, 3] > 0.0, 1.0, seen))
-
-
 def _scattered(
     rng: np.random.Generator, x_arcsec: FloatArray, y_arcsec: FloatArray, number: IntArray, response: Response
 ) -> FloatArray:
@@ -127,16 +112,36 @@ def _scattered(
     return photons
 
 
-def _sources(column: Columns, exposure_s: float) -> FloatArray:
-    """(n, 5): x, y, on-axis counts, core radius (0 for a point) and 1/(3β − 1.5) of each source."""
-    table = np.zeros((len(column["x_arcsec"]), 5))
-    table[:, 0] = column["x_arcsec"]
-    table[:, 1] = column["y_arcsec"]
-    table[:, 2] = column["rate_cps"] * exposure_s
-    extended = np.flatnonzero(column["core_radius_arcsec"] > 0.0)
-    table[extended, 3] = column["core_radius_arcsec"][extended]
-    table[extended, 4] = 1.0 / (3.0 * column["beta"][extended] - 1.5)
-    return table
+@dataclass(frozen=True, slots=True)
+class _Sources:
+    """What the drawing of n sources needs.
+
+    table: (n, 5) x, y, on-axis counts, core radius (0 for a point) and 1/(3β − 1.5). offaxis_arcmin, seen_share: (n,)
+    off-axis angle, and the chance that a photon from there is observed.
+    """
+
+    table: FloatArray
+    offaxis_arcmin: FloatArray
+    seen_share: FloatArray
+
+    def photons_expected(self) -> FloatArray:
+        """(n,) mean number of photons to draw: thinned for a point, whose photons share one chance; else on axis.
+
+        Sources beyond the edge of the image count: the wings of their PSF reach into it.
+        """
+        return self.table[:, 2] * np.where(self.table[:, 3] > 0.0, 1.0, self.seen_share)
+
+
+def _sources(rows: ArrayFrame, response: Response) -> _Sources:
+    table = np.zeros((len(rows), 5))
+    table[:, 0] = rows["x_arcsec"]
+    table[:, 1] = rows["y_arcsec"]
+    table[:, 2] = rows["rate_cps"] * response.exposure_s
+    extended = np.flatnonzero(rows["core_radius_arcsec"] > 0.0)
+    table[extended, 3] = rows["core_radius_arcsec"][extended]
+    table[extended, 4] = 1.0 / (3.0 * rows["beta"][extended] - 1.5)
+    offaxis_arcmin = np.hypot(table[:, 0], table[:, 1]) / ARCSEC_PER_ARCMIN
+    return _Sources(table, offaxis_arcmin, response.seen_share(offaxis_arcmin))
 
 
 def _image_photons(rng: np.random.Generator, image: SkyImage, response: Response, number: int) -> FloatArray:
@@ -151,46 +156,38 @@ def _image_photons(rng: np.random.Generator, image: SkyImage, response: Response
     return _scattered(rng, x_arcsec[kept], y_arcsec[kept], numbers, response)
 
 
-def _truth(sky: Sky, response: Response, column: Columns, sources: FloatArray, drawn: IntArray) -> DataFrame:
+def _truth(sky: Sky, response: Response, sources: _Sources, drawn: IntArray) -> ArrayFrame:
     """The columns of `columns.TRUTH` without `realisation`."""
-    from pandas import DataFrame, RangeIndex, concat
-
-    frame, grid = sky.sources, response.grid
-    x_arcsec, y_arcsec, counts_onaxis = sources[:, 0], sources[:, 1], sources[:, 2]
-    columns = {
-        "source_id": np.arange(len(frame), dtype=np.int32),
-        "kind": frame["kind"].array,
-        "x_arcsec": x_arcsec,
-        "y_arcsec": y_arcsec,
-        "x_pix": grid.pix_from_arcsec(x_arcsec, 0),
-        "y_pix": grid.pix_from_arcsec(y_arcsec, 1),
-        "offaxis_arcmin": np.hypot(x_arcsec, y_arcsec) / ARCSEC_PER_ARCMIN,
-        **{name: column[name] for name in _COPIED},
+    rows, grid, n = sky.source_rows, response.grid, len(sources.table)
+    counts_onaxis = sources.table[:, 2].copy()
+    columns: dict[str, NDArray[Any] | Texts] = {
+        "source_id": np.arange(n, dtype=np.int32),
+        "kind": rows.texts("kind"),
+        "x_arcsec": rows["x_arcsec"],
+        "y_arcsec": rows["y_arcsec"],
+        "x_pix": grid.pix_from_arcsec(rows["x_arcsec"], 0),
+        "y_pix": grid.pix_from_arcsec(rows["y_arcsec"], 1),
+        "offaxis_arcmin": sources.offaxis_arcmin,
+        **{name: rows[name] for name in _COPIED},
         "counts_onaxis": counts_onaxis,
-        "counts_expected": counts_onaxis * _mean_transmission(response, sources, column["beta"]),
-        "counts_drawn": drawn[: len(frame)],
+        "counts_expected": counts_onaxis * _mean_transmission(response, sources, rows["beta"]),
+        "counts_drawn": drawn[:n],
     }
-    # With its index given, pandas need not look for a common one: a third of the time.
-    truth = DataFrame(columns, index=RangeIndex(len(frame)), copy=False)
-    rows = [
-        _image_truth(image, response, len(frame) + i, int(drawn[len(frame) + i])) for i, image in enumerate(sky.images)
-    ]
-    if not rows:
-        return truth
-    images = DataFrame(rows).astype(truth.dtypes.to_dict())
-    return concat([truth, images], ignore_index=True) if len(frame) else images
+    images = [_image_truth(image, response, n + i, int(drawn[n + i])) for i, image in enumerate(sky.images)]
+    return ArrayFrame.together([ArrayFrame(columns), *images])
 
 
-def _mean_transmission(response: Response, sources: FloatArray, beta: FloatArray) -> FloatArray:
+def _mean_transmission(response: Response, sources: _Sources, beta: FloatArray) -> FloatArray:
     """Mean chance of a photon of each source to be observed, over the profile of the extended ones."""
-    mean = response.transmission(sources[:, 0], sources[:, 1])
-    for i in np.flatnonzero(sources[:, 3] > 0.0):
-        dx_arcsec, dy_arcsec = profile_directions(float(sources[i, 3]), float(beta[i]))
-        mean[i] = response.transmission(sources[i, 0] + dx_arcsec, sources[i, 1] + dy_arcsec).mean()
+    x_arcsec, y_arcsec, _, core_radius_arcsec, _ = sources.table.T
+    mean = np.where(response.is_on_image(x_arcsec, y_arcsec), sources.seen_share, 0.0)
+    for i in np.flatnonzero(core_radius_arcsec > 0.0):
+        dx_arcsec, dy_arcsec = profile_directions(float(core_radius_arcsec[i]), float(beta[i]))
+        mean[i] = response.transmission(x_arcsec[i] + dx_arcsec, y_arcsec[i] + dy_arcsec).mean()
     return mean
 
 
-def _image_truth(image: SkyImage, response: Response, source_id: int, counts_drawn: int) -> dict[str, object]:
+def _image_truth(image: SkyImage, response: Response, source_id: int, counts_drawn: int) -> ArrayFrame:
     """One truth row for a whole sky image."""
     ny, nx = image.rate_cps.shape
     x_arcsec = (np.arange(nx) - (nx - 1) / 2.0) * image.scale_arcsec
@@ -198,9 +195,8 @@ def _image_truth(image: SkyImage, response: Response, source_id: int, counts_dra
     observed_cps = float((image.rate_cps * response.transmission(x_arcsec[None, :], y_arcsec[:, None])).sum())
     rate_cps = float(image.rate_cps.sum())
     flux_per_rate_cgs = response.band.flux_per_rate_cgs
-    return {
+    numbers = {
         "source_id": source_id,
-        "kind": "image",
         "x_arcsec": 0.0,
         "y_arcsec": 0.0,
         "x_pix": response.grid.axis_pix[0],
@@ -217,3 +213,5 @@ def _image_truth(image: SkyImage, response: Response, source_id: int, counts_dra
         "counts_expected": observed_cps * response.exposure_s,
         "counts_drawn": counts_drawn,
     }
+    columns = {name: np.array([number]) for name, number in numbers.items()}
+    return ArrayFrame({"kind": Texts.repeated("image", 1), **columns})

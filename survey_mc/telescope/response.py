@@ -64,12 +64,19 @@ class Response:
         n_pix = np.count_nonzero(self.in_view & (self.grid.offaxis_arcmin(x_pix, y_pix) <= radius_arcmin))
         return float(n_pix * (self.grid.scale_arcsec / ARCSEC_PER_DEG) ** 2)
 
+    def seen_share(self, offaxis_arcmin: FloatArray) -> FloatArray:
+        """Chance that a photon from an off-axis angle is observed: vignetting, 0 outside the field of view."""
+        in_view = offaxis_arcmin <= self.field_of_view_arcmin
+        return np.where(in_view, held_vignetting(offaxis_arcmin, self.vignetting), 0.0)
+
+    def is_on_image(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> BoolArray:
+        """Which sky directions are those of the image."""
+        return np.maximum(np.abs(x_arcsec), np.abs(y_arcsec)) < self.half_width_arcsec
+
     def transmission(self, x_arcsec: FloatArray, y_arcsec: FloatArray) -> FloatArray:
         """Chance that a photon from a sky direction is observed: vignetting, 0 outside field of view and image."""
         offaxis_arcmin = np.hypot(x_arcsec, y_arcsec) / ARCSEC_PER_ARCMIN
-        seen = offaxis_arcmin <= self.field_of_view_arcmin
-        seen &= np.maximum(np.abs(x_arcsec), np.abs(y_arcsec)) < self.half_width_arcsec
-        return np.where(seen, held_vignetting(offaxis_arcmin, self.vignetting), 0.0)
+        return np.where(self.is_on_image(x_arcsec, y_arcsec), self.seen_share(offaxis_arcmin), 0.0)
 
 
 @lru_cache(maxsize=KEPT_RESPONSES)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from astropy.io import fits
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.columns import DETECTIONS, TRUTH
 from survey_mc.types import Band, Field, Observation, PixelGrid
 
@@ -101,9 +102,9 @@ def sample_field(shape=SHAPE, n_photons=500):
         counts, photons_pix, np.full(shape, 1e4), None, SamplePsf(), grid, Band("soft", 0.5, 2.0, 6.7e-13)
     )
     origin = np.where(np.arange(n_photons) % 5 == 0, 1, -1).astype(np.int32)
-    pixel_start = np.concatenate([[0], np.cumsum(counts.ravel())]).astype(np.int64)
+    row_start = np.concatenate([[0], np.cumsum(counts.sum(axis=1))]).astype(np.int64)
     truth = sample_truth(grid, [5.0, 20.25], [6.0, 17.5])
-    return Field("5f3c", truth, origin, pixel_start, np.full(shape, 0.25), observation)
+    return Field("5f3c", ArrayFrame.of_frame(truth), origin, row_start, np.full(shape, 0.25), observation)
 
 
 def sample_detections(x_pix, y_pix, **columns):

@@ -24,6 +24,7 @@ from fits_samples import (
     write_image,
 )
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.columns import DETECTIONS, Column
 from survey_mc.detect.detector import Detector, DetectorParams
 from survey_mc.errors import BadInput
@@ -345,9 +346,7 @@ def test_equal_fields_are_equal_bytes(tmp_path):
 
 def test_field_without_sources_or_photons_is_written(tmp_path):
     empty = sample_field(n_photons=0)
-    bare = type(empty)(
-        "k", empty.truth.iloc[:0], empty.origin, empty.pixel_start, empty.background_expected, empty.observation
-    )
+    bare = replace(empty, truth_rows=ArrayFrame.of_frame(empty.truth.iloc[:0]))
     write_simulated_field(tmp_path / "a.fits", bare)
     assert read_counts_image(tmp_path / "a.fits").counts.sum() == 0
     assert len(Table.read(tmp_path / "a.fits", hdu="TRUTH")) == 0

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from hypothesis import strategies as st
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.columns import DETECTIONS, TRUTH
 from survey_mc.types import Band, Field, Observation, PixelGrid
 
@@ -68,9 +69,9 @@ def field_of(truth, photons, background_per_pix=0.05, n_pix=N_PIX):
     )
     return Field(
         key="test",
-        truth=truth,
+        truth_rows=ArrayFrame.of_frame(truth),
         origin=photons[order, 2].astype(np.int32),
-        pixel_start=np.concatenate(([0], np.cumsum(counts))).astype(np.int64),
+        row_start=np.concatenate(([0], np.cumsum(counts)[n_pix - 1 :: n_pix])).astype(np.int64),
         background_expected=np.full((n_pix, n_pix), background_per_pix),
         observation=observation,
     )

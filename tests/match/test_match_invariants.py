@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from match_fields import N_PIX, field_of, fields_and_detections
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.columns import LINKS, MATCHES
 from survey_mc.match import STATUSES, MatchParams, match_field
 
@@ -59,7 +60,9 @@ def test_other_names_for_the_sources_give_the_same_pairs(case, assignment, regio
     new_id = np.random.default_rng(7).permutation(n)
     truth = field.truth.assign(source_id=new_id.astype(np.int32)).sort_values("source_id", ignore_index=True)
     origin = np.where(field.origin >= 0, np.append(new_id, -1)[field.origin], -1).astype(np.int32)
-    renamed = match_field(replace(field, truth=truth, origin=origin), detections, params, COUNTS_MIN).matches
+    renamed = match_field(
+        replace(field, truth_rows=ArrayFrame.of_frame(truth), origin=origin), detections, params, COUNTS_MIN
+    ).matches
     old = match_field(field, detections, params, COUNTS_MIN).matches
     back = np.append(np.argsort(new_id), -1)
     assert pairs(old) == pairs(renamed.assign(source_id=back[renamed["source_id"]]))

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
+from survey_mc.array_frame import ArrayFrame
 from survey_mc.rng import stream
 from survey_mc.telescope import InstrumentSettings
 from survey_mc.telescope.expose import expose
@@ -18,24 +19,24 @@ from survey_mc.telescope.response import Response, build_response
 from survey_mc.types import Field, Sky
 
 BARE = InstrumentSettings(psf=False, vignetting=False, background=False, field_of_view=False)
-NO_SKY = Sky(pd.DataFrame({
+NO_SKY = Sky(ArrayFrame.of_frame(pd.DataFrame({
     "kind": pd.Series(["point"]).iloc[:0],
     "x_arcsec": np.empty(0), "y_arcsec": np.empty(0), "flux_cgs": np.empty(0), "rate_cps": np.empty(0),
     "core_radius_arcsec": np.empty(0), "beta": np.empty(0), "redshift": np.empty(0),
     "group_id": np.empty(0, np.int32), "group_sep_arcsec": np.empty(0),
-}))  # fmt: skip
+})))  # fmt: skip
 
 
 def sky_of(*sources: tuple[float, float, float], core_radius_arcsec: float = np.nan, beta: float = np.nan) -> Sky:
     """Sources given as (x_arcsec, y_arcsec, rate_cps), all points or all with the same β-model."""
     x_arcsec, y_arcsec, rate_cps = np.array(sources, dtype=float).T
     n = len(sources)
-    return Sky(pd.DataFrame({
+    return Sky(ArrayFrame.of_frame(pd.DataFrame({
         "kind": ["point" if np.isnan(core_radius_arcsec) else "extended"] * n,
         "x_arcsec": x_arcsec, "y_arcsec": y_arcsec, "flux_cgs": rate_cps * 6.70e-13, "rate_cps": rate_cps,
         "core_radius_arcsec": core_radius_arcsec, "beta": beta, "redshift": np.nan,
         "group_id": np.full(n, -1, np.int32), "group_sep_arcsec": np.nan,
-    }))  # fmt: skip
+    })))  # fmt: skip
 
 
 def field_of(sky: Sky, settings: InstrumentSettings, exposure_s: float, key: str = "field") -> Field:

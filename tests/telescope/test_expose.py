@@ -131,7 +131,7 @@ def test_one_bright_pixel_of_an_image_is_a_point_source() -> None:
     pixels = np.zeros((21, 31))
     pixels[10, 25] = 20.0
     sky_image = SkyImage(pixels, 0.5)
-    imaged = field_of(Sky(NO_SKY.sources, (sky_image,)), InstrumentSettings(background=False), 1e4)
+    imaged = field_of(Sky(NO_SKY.source_rows, (sky_image,)), InstrumentSettings(background=False), 1e4)
     point = field_of(sky_of((5.0, 0.0, 20.0)), InstrumentSettings(background=False), 1e4, "other")
     assert imaged.truth["kind"].tolist() == ["image"]
     assert imaged.truth["counts_expected"][0] == pytest.approx(point.truth["counts_expected"][0], rel=1e-6)
@@ -146,7 +146,7 @@ def test_one_bright_pixel_of_an_image_is_a_point_source() -> None:
 def test_sky_image_is_neither_flipped_nor_turned() -> None:
     pixels = np.zeros((4, 6))
     pixels[3, 1] = 1.0
-    field = field_of(Sky(NO_SKY.sources, (SkyImage(pixels, 40.0),)), BARE, 1e4)
+    field = field_of(Sky(NO_SKY.source_rows, (SkyImage(pixels, 40.0),)), BARE, 1e4)
     x_arcsec, y_arcsec = (field.observation.photons_pix - np.array(field.observation.grid.axis_pix)).T * 4.0
     assert x_arcsec.min() > -80.0 - 1e-6
     assert x_arcsec.max() < -40.0 + 1e-6
@@ -155,7 +155,7 @@ def test_sky_image_is_neither_flipped_nor_turned() -> None:
 
 
 def test_images_follow_the_sources_in_the_truth() -> None:
-    sky = Sky(sky_of((0.0, 0.0, 0.1)).sources, (SkyImage(np.ones((3, 3)), 4.0), SkyImage(np.ones((2, 2)), 4.0)))
+    sky = Sky(sky_of((0.0, 0.0, 0.1)).source_rows, (SkyImage(np.ones((3, 3)), 4.0), SkyImage(np.ones((2, 2)), 4.0)))
     field = field_of(sky, InstrumentSettings(**SMALL), 10.0)
     assert field.truth["source_id"].tolist() == [0, 1, 2]
     assert field.truth["kind"].tolist() == ["point", "image", "image"]

@@ -29,7 +29,7 @@ def small_fields(draw: st.DrawFn) -> Field:
         else NO_SKY
     )
     if draw(st.booleans()):
-        sky = Sky(sky.sources, (SkyImage(np.full((3, 4), 0.01), 10.0),))
+        sky = Sky(sky.source_rows, (SkyImage(np.full((3, 4), 0.01), 10.0),))
     effects = {name: draw(st.booleans()) for name in ("psf", "vignetting", "background", "field_of_view")}
     instrument = InstrumentSettings(**SMALL, **effects, field_of_view_arcmin=1.5)
     return field_of(sky, instrument, 1000.0, key=str(draw(st.integers(0, 10**6))))
@@ -46,15 +46,15 @@ def test_every_photon_is_counted_once(field: Field) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(small_fields())
-def test_photons_are_in_pixel_order_and_x_order(field: Field) -> None:
+def test_photons_are_in_row_order_and_x_order(field: Field) -> None:
     ny, nx = field.observation.counts.shape
     photons_pix = field.observation.photons_pix
     column, row = np.floor(photons_pix + 0.5).astype(int).T
     pixel = row * nx + column
-    assert np.array_equal(np.diff(field.pixel_start), field.observation.counts.ravel())
+    assert np.array_equal(np.diff(field.row_start), field.observation.counts.sum(axis=1))
     assert np.array_equal(np.bincount(pixel, minlength=ny * nx), field.observation.counts.ravel())
     assert np.all(np.diff(pixel) >= 0)
-    assert np.all(np.diff(photons_pix[:, 0])[np.diff(pixel) == 0] >= 0.0)
+    assert np.all(np.diff(photons_pix[:, 0])[np.diff(row) == 0] >= 0.0)
     assert field.observation.counts[field.observation.exposure_s == 0.0].sum() == 0
 
 
@@ -76,7 +76,7 @@ def test_one_more_source_leaves_the_background_where_it_was() -> None:
 
 def test_an_image_leaves_the_photons_of_the_sources_where_they_were() -> None:
     sky = sky_of((0.0, 0.0, 1.0))
-    both = Sky(sky.sources, (SkyImage(np.ones((3, 3)), 4.0),))
+    both = Sky(sky.source_rows, (SkyImage(np.ones((3, 3)), 4.0),))
     photons = [
         field.observation.photons_pix[field.origin == 0]
         for field in (field_of(sky, InstrumentSettings(), 1e4), field_of(both, InstrumentSettings(), 1e4))
@@ -109,7 +109,7 @@ def test_without_psf_every_photon_lands_on_its_source() -> None:
 
 
 def test_truth_has_the_declared_columns_and_types() -> None:
-    for sky in (NO_SKY, sky_of((0.0, 0.0, 1.0)), Sky(NO_SKY.sources, (SkyImage(np.ones((2, 2)), 4.0),))):
+    for sky in (NO_SKY, sky_of((0.0, 0.0, 1.0)), Sky(NO_SKY.source_rows, (SkyImage(np.ones((2, 2)), 4.0),))):
         truth = field_of(sky, InstrumentSettings(**SMALL), 10.0).truth
         declared = {column.name: column.dtype for column in TRUTH.columns if column.name != "realisation"}
         assert list(truth.columns) == list(declared)
@@ -140,7 +140,7 @@ def test_arrays_of_a_field_are_read_only() -> None:
     observation = field.observation
     for values in (
         field.origin,
-        field.pixel_start,
+        field.row_start,
         field.background_expected,
         observation.counts,
         observation.photons_pix,

@@ -73,11 +73,11 @@ def first_field(
 def deep_image(drawn: DrawnField) -> FloatImage:
     """The same sky in a much longer exposure without background; only sources above the count limit are kept."""
     sky = draw_truth(drawn.campaign, drawn.cell, FIRST)
-    bright = sky.sources["rate_cps"].to_numpy(np.float64) * drawn.cell.exposure_s > DEEP_COUNTS_MIN
+    bright = sky.source_rows["rate_cps"] * drawn.cell.exposure_s > DEEP_COUNTS_MIN
     settings = drawn.campaign.instrument.model_copy(update={"background": False})
     response = build_response(settings, drawn.cell.band, drawn.cell.exposure_s * DEEP_FACTOR)
     key = realisation_key(drawn.cell.field_key, FIRST) + "/deep"
-    kept = Sky(sky.sources[bright].reset_index(drop=True), sky.images)
+    kept = Sky(sky.source_rows.where(bright), sky.images)
     return np.asarray(expose(kept, response, partial(stream, key), key).observation.counts, dtype=np.float64)
 
 
