@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 from importlib.metadata import version
 from typing import Any
@@ -13,7 +14,7 @@ from survey_mc.campaign.draw import cell_response
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
 
-LOCK_SCHEMA = 2  # what `store.RunData` reads; 2: cells have the observed area of their region
+LOCK_SCHEMA = 2  # what `store.read_lock` reads; 2: cells have the observed area of their region
 _LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", "dask", "distributed", "pydantic")
 
 
@@ -29,8 +30,11 @@ def library_versions() -> dict[str, str]:
 
 
 def lock_content(campaign: Campaign) -> dict[str, Any]:
-    """Content of campaign.lock.json; `store.RunData` reads it back."""
-    return {
+    """Content of campaign.lock.json; `store.read_lock` reads it back.
+
+    The campaign file is in it verbatim: of the two, each can be made again from the other. digest: SHA-256 of the rest.
+    """
+    content: dict[str, Any] = {
         "lock_schema": LOCK_SCHEMA,
         "name": campaign.name,
         "about": campaign.about,
@@ -51,7 +55,9 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
         ],
         "cells": [_cell_entry(campaign, cell) for cell in expand(campaign)],
         "campaign": campaign.model_dump(mode="json", by_alias=True),
+        "campaign_text": campaign.text,
     }
+    return content | {"digest": hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}
 
 
 def _cell_entry(campaign: Campaign, cell: Cell) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from survey_mc import __version__
 from survey_mc.cli.campaign_verbs import CAMPAIGN_VERBS
 from survey_mc.cli.detector_verbs import check_detector
 from survey_mc.cli.image_verbs import IMAGE_VERBS
+from survey_mc.cli.migrate_verb import migrate
 from survey_mc.cli.paper_verb import paper
 from survey_mc.cli.run_verbs import RUN_VERBS
 from survey_mc.cli.show import show
@@ -39,7 +40,7 @@ def cli() -> None:
     """
 
 
-for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, *IMAGE_VERBS, *STELLARITY_VERBS, paper, show, check_detector):
+for verb in (*CAMPAIGN_VERBS, *RUN_VERBS, migrate, *IMAGE_VERBS, *STELLARITY_VERBS, paper, show, check_detector):
     cli.add_command(verb)
 
 

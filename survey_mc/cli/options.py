@@ -109,3 +109,8 @@ def human_time(seconds: float) -> str:
     if seconds < 5400.0:
         return f"{seconds / 60.0:.1f} min"
     return f"{seconds / 3600.0:.1f} h"
+
+
+def human_rate(fields_per_s: float) -> str:
+    """A rate of fields as a person reads it."""
+    return f"{fields_per_s:.3g} fields/s" if fields_per_s >= 1.0 else f"{60.0 * fields_per_s:.3g} fields/min"

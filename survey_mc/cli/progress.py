@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import click
 
-from survey_mc.cli.options import human_time
+from survey_mc.cli.options import human_rate, human_time
 from survey_mc.run import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
@@ -28,10 +28,6 @@ def _remarks(state: Progress) -> str:
     """What has failed, and whether anybody is at work."""
     failed = "".join(f", {number} failed in {method}" for method, number in sorted(state.failures.items()))
     return failed + ("" if state.workers else ", waiting for workers")
-
-
-def _rate(per_s: float) -> str:
-    return f"{per_s:.3g} fields/s" if per_s >= 1.0 else f"{60.0 * per_s:.3g} fields/min"
 
 
 def _say_dashboard(state: Progress, told: set[str]) -> None:
@@ -62,7 +58,7 @@ def _bar(name: str) -> Iterator[Callable[[Progress], None]]:
 
         def show(state: Progress) -> None:
             _say_dashboard(state, told)
-            rate = _rate(state.done / (time.monotonic() - begun_s)) if state.done else ""
+            rate = human_rate(state.done / (time.monotonic() - begun_s)) if state.done else ""
             bar.update(task, completed=state.done, total=state.total, rate=rate, remarks=_remarks(state))
 
         yield show
@@ -86,5 +82,5 @@ class _Lines:
         text = f"{self.name}: {state.done}/{state.total} fields, {human_time(elapsed_s)}"
         if state.done:
             left_s = elapsed_s / state.done * (state.total - state.done)
-            text += f", {_rate(state.done / elapsed_s)}, {human_time(left_s)} left"
+            text += f", {human_rate(state.done / elapsed_s)}, {human_time(left_s)} left"
         click.echo(text + _remarks(state), err=True)

@@ -3,42 +3,71 @@
 from __future__ import annotations
 
 import shlex
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from survey_mc.cli.options import executor_options, json_option, print_json, run_argument
+from survey_mc.cli.options import executor_options, human_rate, human_time, json_option, print_json, run_argument
 from survey_mc.errors import EXIT_DAMAGED_STORE, EXIT_FAILED_TASKS
 
 if TYPE_CHECKING:
     from survey_mc.run import FieldLimits
     from survey_mc.run.executors import ExecutorChoice
+    from survey_mc.run.status import RunStatus
 
 
 @click.command()
 @run_argument
+@click.option(
+    "--watch",
+    type=click.FloatRange(0.5, 3600.0),
+    is_flag=False,
+    flag_value=5.0,
+    metavar="[SECONDS]",
+    help="Say it again every few seconds, default 5, until nobody is at work on the run.",
+)
 @json_option
-def status(run: Path, as_json: bool) -> int:
-    """Say what is done, what failed (with the first error) and what was skipped (with the reason)."""
+def status(run: Path, watch: float | None, as_json: bool) -> int:
+    """Say what is done, how fast it goes on, what failed (the first errors) and what was skipped (with the reason)."""
     from survey_mc.run.status import run_status
 
     state = run_status(run)
+    while watch is not None and state.last_run.at_work and state.done < state.wanted:
+        _print_status(state, as_json)
+        time.sleep(watch)
+        state = run_status(run)
+        click.echo()
+    _print_status(state, as_json)
+    return EXIT_FAILED_TASKS if state.n_failed else 0
+
+
+def _print_status(state: RunStatus, as_json: bool) -> None:
     if as_json:
         print_json(state.as_dict())
-    else:
-        click.echo(f"{state.root}: {state.done} of {state.wanted} (field, method) pairs done, {state.n_failed} failed")
-        for cell, method, done, wanted in state.rows:
-            click.echo(f"  {cell} / {method}: {done} of {wanted}")
-        for failure in state.failures[:10]:
-            click.echo(f"  failed: {failure['cell']} / {failure['method'] or 'drawing'} / realisation "
-                       f"{failure['realisation']}: {failure['error']}")  # fmt: skip
-            click.echo(f"          {failure['replay']}")
-        if len(state.failures) > 10:
-            click.echo(f"  … and {len(state.failures) - 10} more (--json lists them)")
-        for reason, number in state.skips.items():
-            click.echo(f"  skipped {number} times: {reason}")
-    return EXIT_FAILED_TASKS if state.n_failed else 0
+        return
+    click.echo(f"{state.root}: {state.done} of {state.wanted} (field, method) pairs done, {state.n_failed} failed")
+    last = state.last_run
+    if last.at_work:
+        rate = "" if last.fields_per_s is None else f", {human_rate(last.fields_per_s)}"
+        left = "" if last.left_s is None else f", {human_time(last.left_s)} left"
+        click.echo(f"  {last.at_work} is at work: {last.done} of {last.fields} fields{rate}{left}")
+    for cell, method, done, wanted in state.rows:
+        click.echo(f"  {cell} / {method}: {done} of {wanted}")
+    if state.cpu_s:
+        spent = (f"{name or 'drawing'} {human_time(seconds)}" for name, seconds in state.cpu_s.items())
+        click.echo(f"  CPU so far: {', '.join(spent)}")
+    shown = state.first_failures[:10]
+    for failure in shown:
+        place = f"{failure['cell']} / {failure['method'] or 'drawing'} / realisation {failure['realisation']}"
+        more = f", the first of {failure['n']}" if failure["n"] > 1 else ""
+        click.echo(f"  failed ({failure['cause']}{more}): {place}: {failure['error']}")
+        click.echo(f"          {failure['replay']}")
+    if state.n_failed > len(shown):
+        click.echo(f"  {state.n_failed} in all (--json lists them)")
+    for reason, number in state.skips.items():
+        click.echo(f"  skipped {number} times: {reason}")
 
 
 @click.command()
@@ -69,9 +98,12 @@ def verify(
     as_json: bool,
 ) -> int:
     """Check every file (checksum, schema, rows, strays); compute random fields again and compare to the last bit."""
+    from survey_mc.report import remake_report
     from survey_mc.run import verify_run
 
-    result = verify_run(run, n_replay, repair=repair, seed=seed, executor=executor)
+    result = verify_run(
+        run, n_replay, repair=repair, seed=seed, executor=executor, limits=limits, remake_report=remake_report
+    )
     if as_json:
         print_json(
             {

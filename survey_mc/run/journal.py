@@ -6,7 +6,6 @@ Idea     times, hosts, costs, failures and skips live here and nowhere else, so 
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 import socket
@@ -17,6 +16,7 @@ from typing import Any
 
 from survey_mc.run.order import Order, Outcome
 from survey_mc.store import RunLayout
+from survey_mc.store.journal_lines import seal_line
 
 
 class Journal:
@@ -31,9 +31,9 @@ class Journal:
 
     def write(self, event: str, **content: Any) -> None:
         """Append one event."""
-        line = json.dumps({"event": event, "run": self.name, "at": datetime.now(UTC).isoformat(), **content})
+        line = seal_line({"event": event, "run": self.name, "at": datetime.now(UTC).isoformat(), **content})
         with self.path.open("a", encoding="utf-8") as handle:
-            handle.write(line + "\n")
+            handle.write(line)
 
     def start(self, executor: str, workers: int, n_fields: int, block: int) -> None:
         self.write(

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from survey_mc.run.work import Range
-from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_piece
-from survey_mc.store.parquet import piece_table
+from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_stored
+from survey_mc.store.files import entries
+from survey_mc.store.replacement import finish_replacements
+from survey_mc.store.strays import is_committed_name, unfinished_writes
 
 
 def pack_shard(layout: RunLayout, manifest: Manifest, family: Family, shard: Range, *, only_whole: bool) -> None:
@@ -28,10 +30,11 @@ def pack_shard(layout: RunLayout, manifest: Manifest, family: Family, shard: Ran
 def _join(layout: RunLayout, manifest: Manifest, family: Family, parts: list[Record]) -> None:
     import pandas as pd
 
-    table = piece_table(layout, parts[0].piece)
     whole = Piece(family, parts[0].piece.start, parts[-1].piece.stop)
-    frame = pd.concat([read_piece(layout, part) for part in parts], ignore_index=True)
-    manifest.add([commit_piece(layout, whole, table, frame)])
+    # Parts of an older version are joined as what they are today.
+    stored = [read_stored(layout, part) for part in parts]
+    frame = pd.concat([rows for _, rows in stored], ignore_index=True)
+    manifest.add([commit_piece(layout, whole, stored[0][0], frame)])
     manifest.drop(part.piece for part in parts)
     for part in parts:
         (layout.root / part.piece.path).unlink(missing_ok=True)
@@ -62,9 +65,12 @@ def sweep(layout: RunLayout, manifest: Manifest) -> None:
 
     Only names that the store itself gives are touched. To be called by the holder of the run lock.
     """
-    if layout.temporary.is_dir():
-        for path in layout.temporary.iterdir():
+    finish_replacements(layout, manifest)
+    for path in list(entries(layout.temporary)):
+        if is_committed_name(path.name):
             path.unlink(missing_ok=True)
+    for path in list(unfinished_writes(layout)):
+        path.unlink(missing_ok=True)
     drop_superseded(layout, manifest)
     for relative in list(layout.piece_files()):
         piece = Piece.from_path(relative)

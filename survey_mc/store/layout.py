@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from survey_mc.store.files import entries
+
 StoredTable = Literal["truth", "detections", "matches", "links"]
 STORED_TABLES: tuple[StoredTable, ...] = ("truth", "detections", "matches", "links")
 STORE_VERSION = "v1"
 _PIECE_PATH = re.compile(
-    rf"store/{STORE_VERSION}/(?P<table>{'|'.join(STORED_TABLES)})/(?P<key>[0-9a-f]{{32}})/(?P<start>\d{{7}})-(?P<stop>\d{{7}})\.parquet"
+    rf"store/{STORE_VERSION}/(?P<table>{'|'.join(STORED_TABLES)})/(?P<key>[0-9a-f]{{32}})/(?P<start>[0-9]{{7,8}})-(?P<stop>[0-9]{{7,8}})\.parquet"
 )
 
 
@@ -48,7 +50,20 @@ class Piece:
         if found is None:
             return None
         table: StoredTable = found["table"]  # type: ignore[assignment]
-        return cls(Family(table, found["key"]), int(found["start"]), int(found["stop"]))
+        piece = cls(Family(table, found["key"]), int(found["start"]), int(found["stop"]))
+        return piece if piece.start < piece.stop and piece.path == path else None
+
+
+_JOURNAL_NAME = re.compile(r"[0-9]{8}T[0-9]{6}\.[0-9]{6}Z-[0-9]+\.jsonl")
+
+# Folders of a run directory in which every file is the run's own; beside them anybody may put what he likes.
+STORE_FOLDER = "store"
+OWN_FOLDERS = ("attempts", "inputs", "report", "runs", STORE_FOLDER, "tables")
+
+
+def is_journal_name(name: str) -> bool:
+    """Whether a file of that name is a journal: a time and the number of a process."""
+    return _JOURNAL_NAME.fullmatch(name) is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +87,11 @@ class RunLayout:
 
     @property
     def store(self) -> Path:
-        return self.root / "store" / STORE_VERSION
+        return self.root / STORE_FOLDER / STORE_VERSION
 
     @property
     def temporary(self) -> Path:
-        return self.root / "store" / "tmp"
+        return self.root / STORE_FOLDER / "tmp"
 
     @property
     def journals(self) -> Path:
@@ -88,6 +103,11 @@ class RunLayout:
         return self.root / "attempts"
 
     @property
+    def inputs(self) -> Path:
+        """Copies of the files that the campaign names."""
+        return self.root / "inputs"
+
+    @property
     def tables(self) -> Path:
         return self.root / "tables"
 
@@ -96,12 +116,26 @@ class RunLayout:
         return self.root / "report"
 
     @property
+    def digests(self) -> Path:
+        """SHA-256 of what the report made, for `sha256sum -c`."""
+        return self.root / "tables.sha256"
+
+    @property
+    def strays(self) -> Path:
+        """Where a repair puts what it found and did not make."""
+        return self.root / "strays"
+
+    @property
     def process_lock(self) -> Path:
         return self.root / ".lock"
 
     def piece_files(self) -> Iterator[str]:
-        """Relative paths of all files below the store, whoever wrote them, sorted."""
-        if self.store.is_dir():
-            for path in sorted(self.store.rglob("*")):
-                if path.is_file() or path.is_symlink():
-                    yield path.relative_to(self.root).as_posix()
+        """Relative paths of everything below the store that is no folder, whoever put it there, in order."""
+        for path in entries(self.store):
+            yield path.relative_to(self.root).as_posix()
+
+    def journal_files(self) -> Iterator[Path]:
+        """The journals, oldest first; what has the name of one and is no regular file is among them."""
+        for path in entries(self.journals):
+            if path.parent == self.journals and is_journal_name(path.name):
+                yield path

@@ -14,7 +14,8 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from survey_mc.errors import RunLocked
+from survey_mc.errors import BadInput, RunLocked
+from survey_mc.store.files import what_it_is
 from survey_mc.store.layout import RunLayout
 
 
@@ -22,7 +23,10 @@ from survey_mc.store.layout import RunLayout
 def run_lock(layout: RunLayout) -> Iterator[None]:
     """Hold the run directory for writing; raises `RunLocked` at once if another process holds it."""
     layout.root.mkdir(parents=True, exist_ok=True)
-    handle = os.open(layout.process_lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    found = what_it_is(layout.process_lock)
+    if found not in ("", "a file"):
+        raise BadInput(str(layout.process_lock), f"is {found}, not a file; remove it if no run is going on")
+    handle = os.open(layout.process_lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o644)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -6,22 +6,22 @@ Idea     the lock file says what belongs to the campaign, the manifest says what
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from survey_mc.errors import BadInput
+from survey_mc.errors import BadInput, DamagedStore
 from survey_mc.registry import UnknownName
+from survey_mc.store.journal_lines import read_lines
 from survey_mc.store.layout import Family, RunLayout, StoredTable
-from survey_mc.store.manifest import Manifest
-from survey_mc.store.parquet import read_piece
+from survey_mc.store.lock_file import REMEDY as LOCK_REMEDY
+from survey_mc.store.lock_file import read_lock
+from survey_mc.store.manifest import REMEDY, Manifest
+from survey_mc.store.stored_rows import read_piece
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-LOCK_SCHEMA = 2  # as `campaign.lock` writes it
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,28 +73,17 @@ class RunData:
 
     def __init__(self, run_dir: Path | str) -> None:
         self.layout = RunLayout(Path(run_dir))
-        self.lock: dict[str, Any] = self._read_lock()
+        self.lock: dict[str, Any] = read_lock(self.layout.lock_file)
         self.manifest = Manifest(self.layout.manifest)
-        self.cells = tuple(_cell_record(entry) for entry in self.lock["cells"])
-        self.methods = tuple(MethodRecord(m["name"], m["label"]) for m in self.lock["methods"])
-
-    def _read_lock(self) -> dict[str, Any]:
-        path = self.layout.lock_file
+        if self.manifest.damaged_lines:
+            number, why = next(iter(self.manifest.damaged_lines.items()))
+            raise DamagedStore(f"{self.layout.manifest}: line {number} {why}; {REMEDY}")
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            if content["lock_schema"] != LOCK_SCHEMA:
-                raise BadInput(
-                    str(path),
-                    f"was written by another version (lock_schema {content['lock_schema']!r}, this one reads "
-                    f"{LOCK_SCHEMA}); `survey-mc run` with the campaign file rewrites it and keeps what is stored",
-                )
-        except FileNotFoundError:
-            raise BadInput(str(self.layout.root), "is not a run directory (it has no campaign.lock.json)") from None
-        except NotADirectoryError:
-            raise BadInput(str(self.layout.root), "is not a directory") from None
-        except (ValueError, KeyError, TypeError):
-            raise BadInput(str(path), "is damaged; run the campaign again to rewrite it") from None
-        return dict(content)
+            self.cells = tuple(_cell_record(entry) for entry in self.lock["cells"])
+            self.methods = tuple(MethodRecord(str(m["name"]), str(m["label"])) for m in self.lock["methods"])
+        except (KeyError, TypeError, ValueError):
+            where = str(self.layout.lock_file)
+            raise BadInput(where, f"is damaged: it lacks what a cell or a method has; {LOCK_REMEDY}") from None
 
     def frames(
         self, table: StoredTable, cell_label: str, method_label: str = "", columns: Sequence[str] | None = None
@@ -122,16 +111,10 @@ class RunData:
         return self.manifest.n_realisations(table, cell.family(table, method_label).key, cell.realisations)
 
     def journal_lines(self) -> Iterator[dict[str, Any]]:
-        """Entries of all journals of the run, oldest first; torn lines are left out."""
-        if not self.layout.journals.is_dir():
-            return
-        for path in sorted(self.layout.journals.glob("*.jsonl")):
-            for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-                try:
-                    entry = json.loads(line)
-                except ValueError:
-                    continue
-                if isinstance(entry, dict):
+        """Entries of all journals of the run, oldest first; torn and damaged lines are left out."""
+        for path in self.layout.journal_files():
+            for _, entry in read_lines(path):
+                if entry is not None:
                     yield entry
 
     def journal(self) -> DataFrame:
@@ -159,5 +142,12 @@ class RunData:
 
 
 def _cell_record(entry: dict[str, Any]) -> CellRecord:
-    keys = CellRecord.__dataclass_fields__.keys()
-    return CellRecord(**{name: entry[name] for name in keys})
+    """The record of a cell in the lock; KeyError, TypeError or ValueError for an entry that is none."""
+    makers = {"int": int, "float": float, "str": str}
+    fields = CellRecord.__dataclass_fields__
+    values: dict[str, Any] = {
+        name: makers[field.type](entry[name]) for name, field in fields.items() if field.type in makers
+    }
+    for name in ("detect_keys", "match_keys"):
+        values[name] = {str(label): str(key) for label, key in dict(entry[name]).items()}
+    return CellRecord(**values)

@@ -13,6 +13,7 @@ from survey_mc.columns import LINKS, MATCHES, Column, Table
 from survey_mc.errors import BadInput, DamagedStore
 from survey_mc.store import Family, Manifest, Piece, Record, RunData, RunLayout, commit_piece, read_piece, verify_store
 from survey_mc.store.parquet import piece_table, read_frame, write_frame
+from survey_mc.store.sealed_text import opened, seal
 
 N_FLIPS = 150
 
@@ -125,8 +126,9 @@ def test_deleted_extra_and_swapped_files_are_found(layout: RunLayout) -> None:
 
 def test_a_manifest_cannot_point_outside_the_store(layout: RunLayout) -> None:
     store_one(layout)
-    line = layout.manifest.read_text().replace("store/v1/links", "store/v1/../../links")
-    layout.manifest.write_text(line)
+    (line,) = layout.manifest.read_bytes().splitlines()
+    outside = (opened(line) or b"").decode().replace("store/v1/links", "store/v1/../../links")
+    layout.manifest.write_text(seal(outside) + "\n")
 
     with pytest.raises(DamagedStore, match="outside the store"):
         Manifest(layout.manifest)
@@ -185,6 +187,6 @@ def test_what_is_no_run_directory_is_refused(tmp_path: Path, content: str | None
 
 def test_reader_and_writer_of_the_lock_mean_the_same_version() -> None:
     from survey_mc.campaign.lock import LOCK_SCHEMA as WRITTEN
-    from survey_mc.store.run_data import LOCK_SCHEMA as READ
+    from survey_mc.store.lock_file import LOCK_SCHEMA as READ
 
     assert READ == WRITTEN
