@@ -64,7 +64,7 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
 
     n_workers = workers or usable_cores()
     planned = plan_campaign(load_campaign(campaign), out, n_workers)
-    wall_s = planned.cpu_s / max(1, min(n_workers, planned.orders))
+    wall_s = planned.wall_s(n_workers)
     if as_json:
         cells: list[dict[str, Any]] = [
             {"label": c.label, "fields": c.fields, "to_do": c.to_do, "cpu_s": c.cpu_s, "bytes": c.size_bytes}
@@ -135,9 +135,9 @@ def run(
         )
     page = None
     if not no_report:
-        from survey_mc.report import make_report
+        from survey_mc.report import current_report, make_report
 
-        page = make_report(done.root)
+        page = (current_report(done.root) if done.fields == 0 else None) or make_report(done.root)
     if as_json:
         print_json(
             {

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 N_FIELDS_TURNED = 200
 ALL, UNMATCHED = "all", "unmatched"
+PLACE_COLUMNS = ("x_pix", "y_pix")  # of detections
 TRUTH_COLUMNS = ("realisation", "kind", "x_arcsec", "y_arcsec", "x_pix", "y_pix", "offaxis_arcmin")
 
 
@@ -45,10 +46,13 @@ class ListedSources:
     counts_column: str = "counts_expected"
     plane: Plane | None = None
     by_field: dict[int, tuple[FloatArray, BoolArray]] = field(default_factory=dict)
+    is_complete: bool = False
 
     def add(self, truth: DataFrame) -> None:
-        """Add a piece of the truth."""
-        truth = truth[truth["realisation"].to_numpy(np.int64) < N_FIELDS_TURNED]
+        """Add a piece of the truth; `is_complete` after one beyond the fields that are turned."""
+        is_turned = truth["realisation"].to_numpy(np.int64) < N_FIELDS_TURNED
+        self.is_complete = not is_turned.all()
+        truth = truth[is_turned]
         offsets = truth[["x_arcsec", "y_arcsec"]].to_numpy(np.float64)
         has_place = np.isfinite(offsets).all(axis=1) & np.asarray(truth["kind"].array != "image", dtype=bool)
         if self.plane is None:
@@ -83,15 +87,15 @@ class ChanceSums:
     def add(self, joined: Joined) -> None:
         """Add the rows of the nearest rule."""
         plane, cell = self.listed.plane, self.listed.cell
-        realisation = joined.matches["realisation"].to_numpy(np.int64)
+        realisation = joined.matches.integers("realisation")
         if plane is None or not len(realisation) or int(realisation[0]) >= N_FIELDS_TURNED:
             return
         offsets = np.column_stack(
             [(joined.of_detection(f"{i}_pix") - plane.axis_pix[k]) * plane.scale_arcsec for k, i in enumerate("xy")]
         )
         is_there = np.isfinite(offsets).all(axis=1)
-        inside = joined.matches["offaxis_arcmin"].to_numpy(np.float64) <= cell.region_arcmin
-        is_free = np.asarray(joined.matches["status"].array != "matched", dtype=bool)
+        inside = joined.matches.numbers("offaxis_arcmin") <= cell.region_arcmin
+        is_free = ~joined.matches.has("status", "matched")
         for number in np.unique(realisation[realisation < N_FIELDS_TURNED]):
             if int(number) not in self.listed.by_field:
                 continue

@@ -57,6 +57,11 @@ def extent_statistics(method: MethodLike) -> tuple[ExtentStatistic, ...]:
     return (*own, *(() if R50.column in columns else (R50,)), *joint)
 
 
+def detection_columns(method: MethodLike) -> tuple[str, ...]:
+    """Columns of the detections that the statistics of a procedure need."""
+    return (STELLARITY.column, R50.column, *(s.column for s in extent_statistics(method) if s is not JOINT))
+
+
 @dataclass(slots=True)
 class ClassSums:
     """All statistics of one rule, in both selections."""
@@ -75,11 +80,10 @@ class ClassSums:
     def add(self, joined: Joined) -> None:
         """Add the rows of this rule."""
         matches = joined.matches
-        status, kind_true = (matches[name].to_numpy(object) for name in ("status", "kind_true"))
-        classes = class_of(status, kind_true)
-        counts, offaxis = (matches[name].to_numpy(np.float64) for name in ("counts", "offaxis_arcmin"))
+        classes = class_of(matches)
+        counts, offaxis = matches.numbers("counts"), matches.numbers("offaxis_arcmin")
         chosen = {EVERY: np.ones(len(matches), dtype=bool), BRIGHT_CENTRAL: PAPER_CUT.applies(counts, offaxis)}
-        realisation = matches["realisation"].to_numpy(np.int64)
+        realisation = matches.integers("realisation")
         for statistic in self.statistics:
             values = _values(joined, statistic, counts, offaxis)
             is_called = called_extended(values, statistic.cut, statistic.larger_is_extended)
@@ -88,9 +92,7 @@ class ClassSums:
                 key = (statistic.column, selection)
                 self.sums[key].add(values[keep], classes[keep], realisation[keep])
                 n_groups = len(self.listed[key])
-                self.listed[key] += listed_by_field(
-                    status, kind_true, is_called & rows, realisation % n_groups, n_groups
-                )
+                self.listed[key] += listed_by_field(matches, is_called & rows, realisation % n_groups, n_groups)
 
     def tables(self, weights: FloatArray, area_deg2: float) -> Mapping[str, DataFrame]:
         """classification and classification_curve, without identity columns.

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from survey_mc.report.classification_section import classification_section
 from survey_mc.report.definitions import DEFINITIONS
+from survey_mc.report.field_process import FieldFigures
 from survey_mc.report.figures.style import Figure
 from survey_mc.report.headline import headline_table, notices
 from survey_mc.report.markup import Html, join, tag
@@ -28,7 +29,7 @@ def report_page(
     source: RunSource,
     tables: Mapping[str, DataFrame],
     figures: Sequence[Figure],
-    pictures: Sequence[Figure],
+    pictures: FieldFigures,
     campaign_text: str = "",
 ) -> str:
     """The page as text. figures: from the tables; pictures: of one field."""
@@ -38,7 +39,7 @@ def report_page(
         Section("glance", "At a glance", _glance(source, tables)),
         Section("classification", "Point or extended", classification_section(source, tables)),
         Section("figures", "Figures", join(_figure(f) for f in figures), drawn),
-        Section("field", "One field", join(_figure(f) for f in pictures)),
+        Section("field", "One field", _one_field(pictures)),
         Section("definitions", "What the words mean", _definitions()),
         Section("methods", "Methods", _methods(source.lock)),
         Section("tables", "Tables", _tables(tables)),
@@ -82,6 +83,12 @@ def _figure(figure: Figure) -> Html:
     return join(
         [tag("h3", figure.title, id=f"figure-{figure.name}"), tag("figure", picture, tag("figcaption", caption))]
     )
+
+
+def _one_field(pictures: FieldFigures) -> Html:
+    if pictures.problem:
+        return tag("p", f"It could not be drawn: {pictures.problem}.")
+    return join(_figure(figure) for figure in pictures.figures)
 
 
 def _table_links(name: str) -> Html:

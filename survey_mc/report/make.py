@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from survey_mc.campaign import Campaign, draw_field, expand, load_run_campaign
-from survey_mc.detect import DETECTORS
+from survey_mc.campaign import load_run_campaign
 from survey_mc.errors import BadInput
 from survey_mc.report.build import build_report
-from survey_mc.report.source import FieldPicture
-from survey_mc.store import CellRecord, RunData, read_piece
-from survey_mc.store.layout import StoredTable
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
+from survey_mc.report.field_process import one_field_figures
+from survey_mc.report.tables import build_tables
+from survey_mc.store import RunData, RunLayout
+from survey_mc.store.digest_list import read_digests
 
 
 def make_report(run_dir: Path | str) -> Path:
@@ -27,41 +23,29 @@ def make_report(run_dir: Path | str) -> Path:
             "file makes it again",
         )
     campaign = load_run_campaign(data.layout.root)
-    return build_report(data, data.layout.root, _field_picture(data, campaign), campaign.text)
+    return build_report(data, data.layout.root, one_field_figures(data, campaign), campaign.text)
 
 
-def _field_picture(data: RunData, campaign: Campaign) -> FieldPicture | None:
-    """The first realisation of the first cell for which every method has a result; None if there is none."""
-    labels = tuple(method.label for method in data.methods)
-    for index, cell in enumerate(data.cells):
-        matches = {label: _first_rows(data, cell, "matches", label) for label in labels}
-        detections = {label: _first_rows(data, cell, "detections", label) for label in labels}
-        if any(frame is None for frame in (*matches.values(), *detections.values())):
-            continue
-        drawn = draw_field(campaign, expand(campaign)[index], 0)
-        views = {}
-        # by place: a label of the run is the one it was made with, whatever the default is now
-        for label, choice in zip(labels, campaign.method, strict=True):
-            view = DETECTORS[choice.name].view
-            if view is not None:
-                views[label] = view(drawn.observation, choice.params)
-        return FieldPicture(
-            title=f"{cell.label}, realisation 0",
-            observation=drawn.observation,
-            truth=drawn.truth,
-            detections={label: frame for label, frame in detections.items() if frame is not None},
-            matches={label: frame for label, frame in matches.items() if frame is not None},
-            views=views,
-            region_arcmin=cell.region_arcmin,
-            rule=cell.rule,
-        )
-    return None
+def remake_report(run_dir: Path | str) -> None:
+    """Make again what a run directory has of a report: the tables alone where there is no page, as in a study."""
+    data = RunData(run_dir)
+    listed = read_digests(data.layout) or {}
+    if data.layout.report.exists() or any(name.startswith("report/") for name in listed):
+        make_report(run_dir)
+    else:
+        build_tables(data, data.layout.root)
 
 
-def _first_rows(data: RunData, cell: CellRecord, table: StoredTable, label: str) -> DataFrame | None:
-    """Rows of realisation 0, or None if it is not stored."""
-    for record in data.manifest.records(cell.family(table, label)):
-        if record.piece.start == 0:
-            frame = read_piece(data.layout, record)
-            return frame[frame["realisation"] == 0].drop(columns="realisation").reset_index(drop=True)
-    return None
+def current_report(run_dir: Path | str) -> Path | None:
+    """The page of a report that is as new as what it was made of; None if there is none.
+
+    The list of its digests is written after everything else, and manifest and lock file only where they change.
+    """
+    layout = RunLayout(Path(run_dir))
+    page = layout.report / "index.html"
+    try:
+        made_of = max(path.stat().st_mtime_ns for path in (layout.manifest, layout.lock_file))
+        is_newer = layout.digests.stat().st_mtime_ns > made_of
+    except OSError:
+        return None
+    return page if is_newer and page.is_file() else None

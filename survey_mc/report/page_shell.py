@@ -35,11 +35,12 @@ def page(title: str, header: Html, sections: Sequence[Section], images: str = EM
         tag("main", header, *(tag("section", tag("h2", s.title), s.content, id=s.anchor) for s in shown)),
         class_="sheet",
     )
-    policy = f"default-src 'none'; {images}; style-src 'unsafe-inline'"
+    policy = f"default-src 'none'; {images}; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
     head = tag(
         "head",
         tag("meta", charset="utf-8"),
         tag("meta", http_equiv="Content-Security-Policy", content=policy),
+        tag("meta", name_="referrer", content="no-referrer"),
         tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
         tag("meta", name_="color-scheme", content="light dark"),
         tag("title", title),

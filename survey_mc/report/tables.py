@@ -6,7 +6,7 @@ Limits   CPU seconds depend on the machine and the moment: they go to `runs/`, n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,8 @@ from survey_mc.columns import Table
 from survey_mc.report.aggregate import input_counts, method_tables
 from survey_mc.report.source import RunSource
 from survey_mc.report.table_columns import CPU_SECONDS, TABLES
+from survey_mc.report.table_parts import Part, Parts, declared
+from survey_mc.store.digest_list import forget_digests, write_digests
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -22,7 +24,7 @@ WriteFrame = Callable[[Path, Table, "DataFrame"], None]
 
 
 def build_tables(source: RunSource, out_dir: Path, write_frame: WriteFrame | None = None) -> dict[str, DataFrame]:
-    """Aggregate a run and write `tables/<name>.parquet` and `.csv`, and `runs/cpu_seconds.*`, below `out_dir`.
+    """Aggregate a run and write `tables/<name>.{parquet,csv}`, `runs/cpu_seconds.*`, `tables.sha256` below `out_dir`.
 
     Returns the frames by name, `cpu_seconds` among them. write_frame: writer of Parquet, the store's if None.
     """
@@ -32,23 +34,31 @@ def build_tables(source: RunSource, out_dir: Path, write_frame: WriteFrame | Non
         write_frame = store_writer
     tables = aggregate(source)
     tables[CPU_SECONDS.name] = cpu_seconds(source)
+    forget_digests(out_dir)
     for table in (*TABLES, CPU_SECONDS):
         folder = out_dir / ("runs" if table is CPU_SECONDS else "tables")
         folder.mkdir(parents=True, exist_ok=True)
         write_frame(folder / f"{table.name}.parquet", table, tables[table.name])
         write_csv(folder / f"{table.name}.csv", table, tables[table.name])
+    write_digests(out_dir, table_files(out_dir))
     return tables
+
+
+def table_files(out_dir: Path) -> list[Path]:
+    """The files that `build_tables` writes."""
+    folders = [(table, out_dir / ("runs" if table is CPU_SECONDS else "tables")) for table in (*TABLES, CPU_SECONDS)]
+    return [folder / f"{table.name}.{kind}" for table, folder in folders for kind in ("parquet", "csv")]
 
 
 def aggregate(source: RunSource) -> dict[str, DataFrame]:
     """All tables of `TABLES`; a cell or method without results has no rows."""
-    collected: Mapping[str, list[DataFrame]] = {table.name: [] for table in TABLES}
+    collected: Parts = {table.name: [] for table in TABLES}
     for cell in source.cells:
         inputs = input_counts(source, cell)
         for method in source.methods:
-            for name, rows in method_tables(source, cell, method, inputs).items():
-                collected[name].append(rows)
-    return {table.name: _declared(table, collected[table.name]) for table in TABLES}
+            for name, parts in method_tables(source, cell, method, inputs).items():
+                collected[name].extend(parts)
+    return {table.name: declared(table, collected[table.name]) for table in TABLES}
 
 
 def cpu_seconds(source: RunSource) -> DataFrame:
@@ -58,18 +68,7 @@ def cpu_seconds(source: RunSource) -> DataFrame:
         fields=("fields", "sum"), cpu_s=("cpu_s", "sum"), wall_s=("wall_s", "sum")
     )
     fields = sums["fields"].astype("float64")
-    return _declared(CPU_SECONDS, [sums.assign(cpu_s_per_field=sums["cpu_s"] / fields.where(fields > 0))])
-
-
-def _declared(table: Table, frames: list[DataFrame]) -> DataFrame:
-    """The rows with exactly the declared columns and types."""
-    import pandas as pd
-
-    types = {c.name: "object" if c.dtype == "string" else c.dtype for c in table.columns}
-    frames = [frame[list(table.names)] for frame in frames if len(frame)]
-    if not frames:
-        return pd.DataFrame({c.name: pd.Series(dtype=types[c.name]) for c in table.columns})
-    return pd.concat(frames, ignore_index=True).astype(types)
+    return declared(CPU_SECONDS, [Part(sums, {"cpu_s_per_field": sums["cpu_s"] / fields.where(fields > 0)})])
 
 
 def write_csv(path: Path, table: Table, frame: DataFrame) -> None:

@@ -20,6 +20,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from survey_mc.caches import forget_all
 from survey_mc.campaign import Campaign, Cell, CellMethod, draw_field, expand
 from survey_mc.campaign.lock import library_versions
 from survey_mc.columns import Table
@@ -30,7 +31,7 @@ from survey_mc.run.limits import COMPILATION_SECONDS, FieldLimits, limited_memor
 from survey_mc.run.order import Cause, Cost, Failure, Order, Outcome, Suspect
 from survey_mc.run.rows import Rows, StoredRows
 from survey_mc.run.stages import detect_on, match_on, stored_truth
-from survey_mc.store import RunLayout
+from survey_mc.store import Family, RunLayout
 from survey_mc.types import Field, Skip
 
 if TYPE_CHECKING:
@@ -102,6 +103,17 @@ def _warm_up(order: Order, cell: Cell, note: AttemptNote | None = None) -> None:
         _work_on_field(rehearsal, stage, REHEARSAL, _Attempt(Outcome(), note, COMPILATION_SECONDS), Rows(), {})
 
 
+_served: list[str] = []  # the campaign of the last order of this process
+
+
+def _meet(campaign: Campaign) -> None:
+    """Forget what was kept for another campaign."""
+    if _served != [campaign.text]:
+        _served[:] = [campaign.text]
+        _warm.clear()
+        forget_all()
+
+
 _one_at_a_time = threading.Lock()
 _library_versions = cache(library_versions)
 
@@ -114,6 +126,7 @@ def run_task(order: Order) -> Outcome:
     _refuse_other_versions(order)
     # CPU time, memory limit and watchdog belong to a process, so a worker with several threads does one order at once.
     with _one_at_a_time, limited_memory(order.limits):
+        _meet(order.campaign)
         cell = expand(order.campaign)[order.cell_index]
         folder, name = RunLayout(order.root).attempts, _name(order, cell)
         died = list(deaths(folder, name))
@@ -191,14 +204,21 @@ def _refuse_other_versions(order: Order) -> None:
             )
 
 
-def measure_field(campaign: Campaign, cell: Cell, realisation: int, outcome: Outcome) -> list[tuple[Table, DataFrame]]:
-    """All stages of one field without storing anything: its tables, with the costs added to `outcome`."""
+def measure_field(
+    campaign: Campaign, cell: Cell, realisation: int, outcome: Outcome
+) -> dict[Family, tuple[Table, str, DataFrame]]:
+    """All stages of one field without storing anything: table, method label and rows of each family of files, with the
+    costs added to `outcome`."""
     labels = tuple(m.label for m in cell.methods)
     order = Order(campaign, Path(), cell.index, realisation, realisation + 1, True, labels, labels)
     rows = Rows()
     _warm_up(order, cell)
     _work_on_field(order, cell, realisation, _Attempt(outcome), rows, {})
-    return [(rows.tables[family], frame) for family, stored in rows.rows.items() for _, frame in stored]
+    return {
+        family: (rows.tables[family], rows.methods[family], frame)
+        for family, stored in rows.rows.items()
+        for _, frame in stored
+    }
 
 
 def _work_on_field(

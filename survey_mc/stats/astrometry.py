@@ -15,7 +15,8 @@ import numpy as np
 
 from survey_mc.stats.grouped import GroupedValues
 from survey_mc.stats.intervals import ONE_SIGMA
-from survey_mc.stats.selections import matched_rows
+from survey_mc.stats.match_rows import MatchRows
+from survey_mc.stats.selections import selections
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -33,10 +34,11 @@ class Astrometry:
 
     separations: GroupedValues = field(default_factory=_empty)
 
-    def add(self, matches: DataFrame) -> None:
+    def add(self, matches: DataFrame | MatchRows) -> None:
         """Add the matched rows of one rule."""
-        matched = matched_rows(matches)
-        self.separations.add(matched, matched["sep_arcsec"].to_numpy(np.float64))
+        rows = MatchRows.of(matches)
+        matched = rows.where(rows.has("status", "matched"))
+        self.separations.add(selections(matched), matched.numbers("sep_arcsec"))
 
     def table(self, flux_limit_cgs: float = float("nan")) -> DataFrame:
         """A row for each part: n, median and one-sigma radius with intervals, mean, mean_err, rms (all arcsec)."""

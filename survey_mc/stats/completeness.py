@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from survey_mc.stats.bins import LogBins
 from survey_mc.stats.intervals import CLAIM, clopper_pearson, jeffreys
+from survey_mc.stats.match_rows import MatchRows
 from survey_mc.stats.resampling import (
     N_RESAMPLES,
     TAIL,
@@ -68,16 +69,17 @@ class CompletenessCounts:
         self.n_found = np.zeros(shape, dtype=np.int32)
         self.sum_log = np.zeros(self.bins.size)
 
-    def add(self, matches: DataFrame) -> None:
+    def add(self, matches: DataFrame | MatchRows) -> None:
         """Add rows of one rule; only `matched` and `missed` count."""
-        status = matches["status"].to_numpy(object)
-        values = matches[self.bins.quantity].to_numpy(np.float64)
+        rows = MatchRows.of(matches)
+        rows = rows.where(rows.has("status", "matched", "missed"))
+        values = rows.numbers(self.bins.quantity)
         place = self.bins.index(values)
-        keep = ((status == "matched") | (status == "missed")) & (place >= 0) & (place < self.bins.size)
-        group = matches["realisation"].to_numpy(np.int64)[keep] % len(self.n_true)
+        keep = (place >= 0) & (place < self.bins.size)
         place = place[keep]
-        np.add.at(self.n_true, (group, place), 1)
-        np.add.at(self.n_found, (group, place), status[keep] == "matched")
+        cell = rows.integers("realisation")[keep] % len(self.n_true) * self.bins.size + place
+        np.add.at(self.n_true.reshape(-1), cell, np.int32(1))
+        np.add.at(self.n_found.reshape(-1), cell[rows.has("status", "matched")[keep]], np.int32(1))
         self.sum_log += np.bincount(place, weights=np.log10(values[keep]), minlength=self.bins.size)
 
     def table(self, rng: np.random.Generator, n_resamples: int = N_RESAMPLES) -> DataFrame:

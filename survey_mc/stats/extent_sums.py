@@ -23,6 +23,7 @@ from survey_mc.stats.classification import (
     confusion_by_field,
     curve_of_bins,
 )
+from survey_mc.stats.match_rows import MatchRows
 from survey_mc.stats.resampling import inner_quantiles, n_field_groups, resampled_sums
 from survey_mc.types import BoolArray, FloatArray
 
@@ -59,7 +60,8 @@ class ExtentSums:
         self.confusion += confusion_by_field(true_class, is_called, group, n_groups)
         known = (true_class >= 0) & (true_class < len(TRUE_CLASSES))
         kind = np.minimum(true_class[known], OTHER)
-        np.add.at(self.histograms, (group[known], kind, self._bin(values[known])), 1)
+        place = (group[known] * (OTHER + 1) + kind) * N_BINS + self._bin(values[known])
+        np.add.at(self.histograms.reshape(-1), place, np.int32(1))
 
     def _bin(self, values: FloatArray) -> NDArray[np.int64]:
         """Bins from the least to the most extended; the first one holds what was not measured."""
@@ -119,26 +121,24 @@ class ExtentSums:
         return float(ends[place] + inside * (ends[place + 1] - ends[place]))
 
 
-def class_of(status: NDArray[np.object_], kind_true: NDArray[np.object_]) -> NDArray[np.int64]:
+def class_of(rows: MatchRows) -> NDArray[np.int64]:
     """(n,) place in `TRUE_CLASSES` of each row of a rule's matches; −1: no detection in scope, or another kind.
 
     A detection that is matched, a duplicate or faint has the kind of its source; the fragments of a split cluster are
     extended, all of them.
     """
-    has_source = np.isin(status, ("matched", "duplicate", "faint"))
-    places = np.full(len(status), -1, dtype=np.int64)
+    has_source = rows.has("status", "matched", "duplicate", "faint")
+    places = np.full(len(rows), -1, dtype=np.int64)
     for place, name in enumerate(TRUE_CLASSES):
-        places[(has_source & (kind_true == name)) | (status == name)] = place
+        places[(has_source & rows.has("kind_true", name)) | rows.has("status", name)] = place
     return places
 
 
-def listed_by_field(
-    status: NDArray[np.object_], kind_true: NDArray[np.object_], is_called: BoolArray, group: NDArray[np.int64], n: int
-) -> NDArray[np.int64]:
+def listed_by_field(rows: MatchRows, is_called: BoolArray, group: NDArray[np.int64], n: int) -> NDArray[np.int64]:
     """(n, 2) of each group of fields: extended sources of the input list in the region that are matched to a
     detection called extended, and all of them, found or not. group: 0 … n − 1 of each row of a rule's matches.
     """
-    is_extended = kind_true == TRUE_CLASSES[EXTENDED]
-    matched = is_extended & (status == "matched")
-    listed = matched | (is_extended & (status == "missed"))
-    return np.stack([np.bincount(group[rows], minlength=n) for rows in (matched & is_called, listed)], axis=1)
+    is_extended = rows.has("kind_true", TRUE_CLASSES[EXTENDED])
+    matched = is_extended & rows.has("status", "matched")
+    listed = matched | (is_extended & rows.has("status", "missed"))
+    return np.stack([np.bincount(group[keep], minlength=n) for keep in (matched & is_called, listed)], axis=1)

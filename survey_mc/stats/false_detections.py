@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from survey_mc.stats.intervals import garwood, jeffreys
+from survey_mc.stats.match_rows import MatchRows
 from survey_mc.stats.resampling import design_effect, fraction_interval_fields, n_field_groups
 from survey_mc.types import FloatArray
 
@@ -45,17 +46,18 @@ class StatusCounts:
     def __post_init__(self) -> None:
         self.by_field = np.zeros((n_field_groups(self.n_fields), 2), dtype=np.int64)
 
-    def add(self, matches: DataFrame) -> None:
+    def add(self, matches: DataFrame | MatchRows) -> None:
         """Add the rows of one rule."""
-        pairs = matches.groupby(["status", "kind_true"], observed=True).size()
-        for (status, kind), n_rows in pairs.items():
-            self.n[(str(status), str(kind))] += int(n_rows)
+        rows = MatchRows.of(matches)
+        (status, statuses), (kind, kinds) = rows.texts("status"), rows.texts("kind_true")
+        known = (status >= 0) & (kind >= 0)
+        pairs = np.bincount(status[known] * len(kinds) + kind[known], minlength=len(statuses) * len(kinds))
+        for place in np.flatnonzero(pairs):
+            self.n[statuses[place // len(kinds)], kinds[place % len(kinds)]] += int(pairs[place])
         n_groups = len(self.by_field)
-        group = matches["realisation"].to_numpy(np.int64) % n_groups
-        status = matches["status"]
-        for column, statuses in enumerate((IN_SCOPE_STATUSES[:1], IN_SCOPE_STATUSES)):
-            rows = status.isin(statuses).to_numpy(bool)
-            self.by_field[:, column] += np.bincount(group[rows], minlength=n_groups)
+        group = rows.integers("realisation") % n_groups
+        for column, counted in enumerate((IN_SCOPE_STATUSES[:1], IN_SCOPE_STATUSES)):
+            self.by_field[:, column] += np.bincount(group[rows.has("status", *counted)], minlength=n_groups)
 
     def of(self, *statuses: str) -> int:
         """Rows of some statuses, any kind."""

@@ -25,28 +25,34 @@ class Histograms:
     n_groups: int
     edges: FloatArray
     is_log: bool = False
-    counts: NDArray[np.int64] = field(init=False)
+    counts: NDArray[np.int32] = field(init=False)
     total: FloatArray = field(init=False)
     total_of_squares: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.counts = np.zeros((self.n_groups, len(self.edges) - 1), dtype=np.int64)
+        self.counts = np.zeros((self.n_groups, len(self.edges) - 1), dtype=np.int32)
         self.total = np.zeros(self.n_groups)
         self.total_of_squares = np.zeros(self.n_groups)
 
-    def add(self, group: NDArray[np.int64], values: FloatArray) -> None:
-        """Add finite values to their groups; a group outside 0 … n_groups − 1 is ignored."""
-        keep = (group >= 0) & (group < self.n_groups) & np.isfinite(values)
-        group, values = group[keep], values[keep]
+    def add(self, group: NDArray[np.int64], values: FloatArray, row: NDArray[np.int64] | None = None) -> None:
+        """Add finite values to their groups; a group outside 0 … n_groups − 1 is ignored.
+
+        row: (k,) which of the values each group is of; None: they are in the same order.
+        """
         place = np.clip(np.searchsorted(self.edges, values, side="right") - 1, 0, len(self.edges) - 2)
-        np.add.at(self.counts, (group, place), 1)
+        is_finite = np.isfinite(values)
+        if row is not None:
+            values, place, is_finite = values[row], place[row], is_finite[row]
+        keep = (group >= 0) & (group < self.n_groups) & is_finite
+        group, values, place = group[keep], values[keep], place[keep]
+        np.add.at(self.counts.reshape(-1), group * self.counts.shape[1] + place, np.int32(1))
         self.total += np.bincount(group, weights=values, minlength=self.n_groups)
         self.total_of_squares += np.bincount(group, weights=values**2, minlength=self.n_groups)
 
-    def summary(self, members: NDArray[np.bool_] | slice) -> Summary:
+    def summary(self, members: NDArray[np.int64] | slice) -> Summary:
         """What is known of the union of some groups."""
         return Summary(
-            np.concatenate(([0], np.cumsum(self.counts[members].sum(axis=0)))),
+            np.concatenate(([0], np.cumsum(self.counts[members].sum(axis=0, dtype=np.int64)))),
             float(self.total[members].sum()),
             float(self.total_of_squares[members].sum()),
             self.edges,

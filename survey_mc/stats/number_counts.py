@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from survey_mc.stats.bins import FLUX_BINS
 from survey_mc.stats.false_detections import FALSE_STATUSES
 from survey_mc.stats.intervals import garwood
+from survey_mc.stats.match_rows import MatchRows
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -40,12 +41,12 @@ class NumberCounts:
         inside = truth["offaxis_arcmin"].to_numpy(np.float64) <= self.region_arcmin
         self.n_input += FLUX_BINS.count(truth["flux_cgs"].to_numpy(np.float64)[inside])
 
-    def add(self, matches: DataFrame) -> None:
+    def add(self, matches: DataFrame | MatchRows) -> None:
         """Add the detections of one rule that are inside the region."""
-        is_detection = matches["det_id"].to_numpy(np.int64) >= 0
-        inside = is_detection & (matches["offaxis_arcmin"].to_numpy(np.float64) <= self.region_arcmin)
-        is_false = inside & matches["status"].isin(FALSE_STATUSES).to_numpy(bool)
-        flux_cgs = matches["flux_cgs"].to_numpy(np.float64)
+        rows = MatchRows.of(matches)
+        inside = (rows.integers("det_id") >= 0) & (rows.numbers("offaxis_arcmin") <= self.region_arcmin)
+        is_false = inside & rows.has("status", *FALSE_STATUSES)
+        flux_cgs = rows.numbers("flux_cgs")
         self.n_detected += FLUX_BINS.count(flux_cgs[inside])
         self.n_false += FLUX_BINS.count(flux_cgs[is_false])
 

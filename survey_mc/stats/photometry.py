@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from survey_mc.stats.grouped import GroupedValues
-from survey_mc.stats.selections import matched_rows
+from survey_mc.stats.match_rows import MatchRows
+from survey_mc.stats.selections import selections
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -39,15 +40,17 @@ class Photometry:
 
     ratios: dict[str, GroupedValues] = field(default_factory=_empty)
 
-    def add(self, matches: DataFrame) -> None:
+    def add(self, matches: DataFrame | MatchRows) -> None:
         """Add the matched rows of one rule."""
-        matched = matched_rows(matches)
+        rows = MatchRows.of(matches)
+        matched = rows.where(rows.has("status", "matched"))
+        belongs = selections(matched)
         for name, (measured, true) in RATIOS.items():
-            denominator = matched[true].to_numpy(np.float64)
+            denominator = matched.numbers(true)
             known = denominator > 0
             ratio = np.full(len(matched), np.nan)
-            ratio[known] = matched[measured].to_numpy(np.float64)[known] / denominator[known]
-            self.ratios[name].add(matched, ratio)
+            ratio[known] = matched.numbers(measured)[known] / denominator[known]
+            self.ratios[name].add(belongs, ratio)
 
     def table(self, flux_limit_cgs: float = float("nan")) -> DataFrame:
         """A row for each ratio and part: n, median, q16 and q84 with intervals, mean, mean_err, stdev."""

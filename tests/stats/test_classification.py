@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stats_frames import match_rows
 
 from survey_mc.stats.classification import (
     PAPER_CUT,
@@ -18,6 +19,7 @@ from survey_mc.stats.classification import (
 )
 from survey_mc.stats.extent_sums import ExtentSums, class_of, listed_by_field
 from survey_mc.stats.intervals import ONE_SIGMA, jeffreys
+from survey_mc.stats.match_rows import MatchRows
 from survey_mc.stats.resampling import field_weights
 
 SEPARATION = 1.2
@@ -145,6 +147,7 @@ def test_sums_over_pieces_agree_with_the_arrays(larger):
 def test_class_of_a_detection_is_its_sources_kind_or_what_else_it_is():
     status = np.array(["matched", "duplicate", "faint", "blend", "spurious", "outside", "missed", "matched"], object)
     kind = np.array(["extended", "extended", "point", "point", "", "point", "extended", "image"], object)
-    assert class_of(status, kind).tolist() == [1, 1, 0, 2, 3, -1, -1, -1]
+    rows = MatchRows.of(match_rows(8, status=status, kind_true=kind))
+    assert class_of(rows).tolist() == [1, 1, 0, 2, 3, -1, -1, -1]
     called = np.ones(8, dtype=bool)
-    assert listed_by_field(status, kind, called, np.arange(8) % 2, 2).tolist() == [[1, 2], [0, 0]]
+    assert listed_by_field(rows, called, np.arange(8) % 2, 2).tolist() == [[1, 2], [0, 0]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -23,7 +24,12 @@ __all__ = ["Figure", "field_figures", "looks", "run_figures"]
 
 def run_figures(source: RunSource, tables: Mapping[str, DataFrame]) -> list[Figure]:
     """The figures of a run in the order of the report; those without any numbers are left out."""
-    return [figure for figure in _candidates(source, tables) if figure is not None]
+    figures = []
+    for figure in _candidates(source, tables):
+        gc.collect()  # what matplotlib draws on refers to itself, and a picture is 10 MB
+        if figure is not None:
+            figures.append(figure)
+    return figures
 
 
 def _candidates(source: RunSource, tables: Mapping[str, DataFrame]) -> Iterator[Figure | None]:
