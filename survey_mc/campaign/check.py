@@ -16,15 +16,20 @@ from survey_mc.campaign.inputs import located_params
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
 from survey_mc.errors import BadInput, SurveyError
+from survey_mc.fits.image import SCALE_RANGE_ARCSEC
+from survey_mc.sky.clusters import ClustersParams
 from survey_mc.sky.combined import CombinedParams
 from survey_mc.sky.lognlogs import LogNLogSParams, expected_number
+from survey_mc.telescope import InstrumentSettings
 
 MAX_SOURCES = 1_000_000  # in one field: 100 MB of truth and a second to draw
 MAX_PHOTONS = 50_000_000  # in one field: 60 bytes each while they are drawn
+JAMMING = 0.547  # covered fraction at which discs thrown at random no longer fit (Feder 1980, J. Theor. Biol. 87, 237)
 
 
 def check_campaign(campaign: Campaign, where: str) -> None:
     """Raise `BadInput` for what can be known now of fields that cannot be drawn or searched; where: its name."""
+    _check_sizes(campaign.instrument, where)
     deepest = {cell.band: cell for cell in sorted(expand(campaign), key=lambda cell: cell.exposure_ks)}
     for cell in deepest.values():
         try:
@@ -33,6 +38,17 @@ def check_campaign(campaign: Campaign, where: str) -> None:
         except SurveyError as problem:
             raise BadInput(where, str(problem).removeprefix(f"{where}: ")) from None
         _check_methods(campaign, cell_response(campaign, cell).grid.shape, where)
+
+
+def _check_sizes(instrument: InstrumentSettings, where: str) -> None:
+    """Pixels and PSFs have the sizes of telescopes: squares of the others leave the range of numbers."""
+    least_arcsec = SCALE_RANGE_ARCSEC[0]
+    sizes = {name: getattr(instrument, name) for name in ("scale_arcsec", "psf_fwhm_arcsec", "psf_hew_arcsec")}
+    if instrument.believed_psf is not None:
+        sizes["believed_psf.fwhm_arcsec"] = instrument.believed_psf.fwhm_arcsec
+    for name, size_arcsec in sizes.items():
+        if size_arcsec is not None and size_arcsec < least_arcsec:
+            raise BadInput(where, f"instrument.{name}: must be at least {least_arcsec:g} (got {size_arcsec:g})")
 
 
 def _check_methods(campaign: Campaign, shape: tuple[int, int], where: str) -> None:
@@ -65,6 +81,8 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
             f"gives {n_sources:.3g} sources in a field; at most {MAX_SOURCES:g} are allowed: a brighter flux_min_cgs, "
             "a smaller image, margin or normalisation",
         )
+    for part in parts:
+        _refuse_jammed(part)
     sky = draw_truth(campaign, cell, 0)
     rate_cps = float(sky.sources["rate_cps"].sum()) + sum(float(image.rate_cps.sum()) for image in sky.images)
     n_photons = rate_cps * response.exposure_s + float(response.background_edges[-1])
@@ -73,4 +91,18 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
             f"cell {cell.label}",
             f"has {n_photons:.3g} photons in a field; at most {MAX_PHOTONS:g} are allowed: a shorter exposure, fainter "
             "sources or less background",
+        )
+
+
+def _refuse_jammed(part: object) -> None:
+    """Clusters that random throws cannot place would take seconds a field to find that out."""
+    if not isinstance(part, ClustersParams) or part.positions_arcmin is not None:
+        return
+    half_arcmin = part.min_separation_arcmin / 2.0
+    fits = JAMMING * (part.radius_arcmin + half_arcmin) ** 2
+    if len(part.redshifts) * half_arcmin**2 > fits:
+        raise BadInput(
+            "sky.min_separation_arcmin",
+            f"{len(part.redshifts)} clusters {part.min_separation_arcmin:g}′ apart do not fit a circle of "
+            f"{part.radius_arcmin:g}′",
         )

@@ -2,11 +2,13 @@
 
 Idea     a path in a campaign is relative to the campaign file and stays inside its folder; the SHA-256 of the file
          enters the key, so an edited file recomputes what depends on it and a renamed folder nothing.
+Limits   a file larger than the largest image that is read is refused before it is hashed.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
@@ -14,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DetectorParams
 from survey_mc.errors import BadInput
+from survey_mc.files import open_regular
 from survey_mc.fits import read_sky_image
 from survey_mc.sky import AnySkyParams
 from survey_mc.sky.combined import CombinedParams
@@ -21,6 +24,8 @@ from survey_mc.sky.image import ImageParams
 from survey_mc.types import SkyImage
 
 SKY_IMAGE = "sky image"
+MAX_INPUT_BYTES = 2**29 + 2**20  # 8192² pixels of double precision, and headers
+MAX_SHOWN = 80  # characters of a path in an error sentence
 
 
 def resolve_input(path: str, folder: Path, where: str, noun: str = "file") -> Path:
@@ -28,17 +33,21 @@ def resolve_input(path: str, folder: Path, where: str, noun: str = "file") -> Pa
 
     noun: what the file is, for the sentence of the error.
     """
-    pure = PurePosixPath(path)
+    pure, shown = PurePosixPath(path), repr(path[:MAX_SHOWN])
     if not path or "\0" in path or pure.is_absolute() or ".." in pure.parts or path.startswith("~") or ":" in path:
-        raise BadInput(where, f"{noun} path must be relative and stay below the campaign's folder (got {path[:80]!r})")
+        raise BadInput(where, f"{noun} path must be relative and stay below the campaign's folder (got {shown})")
     try:
         root, file = folder.resolve(), (folder / pure).resolve()
-    except (OSError, RuntimeError):  # until Python 3.12 a loop of links is a RuntimeError
-        raise BadInput(where, f"{noun} {path[:80]!r} cannot be followed to a file") from None
-    if not file.is_relative_to(root):
-        raise BadInput(where, f"{noun} {path[:80]!r} leaves the campaign's folder through a link")
-    if not file.is_file():
-        raise BadInput(where, f"{noun} {path[:80]!r} does not exist in {root}")
+        inside, there, regular = file.is_relative_to(root), file.exists(), file.is_file()
+    except (OSError, RuntimeError) as problem:  # until Python 3.12 a loop of links is a RuntimeError
+        cause = getattr(problem, "strerror", None) or "a loop of links"
+        raise BadInput(where, f"{noun} {shown} cannot be followed to a file ({cause})") from None
+    if not inside:
+        raise BadInput(where, f"{noun} {shown} leaves the campaign's folder through a link")
+    if not there:
+        raise BadInput(where, f"{noun} {shown} does not exist in {root}")
+    if not regular:
+        raise BadInput(where, f"{noun} {shown} is not a regular file")
     return file
 
 
@@ -48,7 +57,7 @@ def input_digests(campaign: Campaign, folder: Path, where: str) -> dict[str, str
     for number, choice in enumerate(campaign.method):
         for name, path in choice.params.input_files().items():
             nouns.setdefault(path, f"method[{number}].params.{name}: file")
-    return {path: _digest(resolve_input(path, folder, where, noun)) for path, noun in nouns.items()}
+    return {path: _digest(resolve_input(path, folder, where, noun), where, noun) for path, noun in nouns.items()}
 
 
 def sky_image_paths(sky: AnySkyParams) -> tuple[str, ...]:
@@ -86,9 +95,16 @@ def _image_params(sky: AnySkyParams) -> Iterator[ImageParams]:
             yield part
 
 
-def _digest(file: Path | str) -> str:
-    with open(file, "rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
+def _digest(file: Path, where: str = "campaign", noun: str = "file") -> str:
+    try:
+        with open_regular(file) as handle:
+            size = os.fstat(handle.fileno()).st_size
+            if size > MAX_INPUT_BYTES:
+                problem = f"must be at most {MAX_INPUT_BYTES} bytes long (got {size})"
+                raise BadInput(where, f"{noun} {file.name[:MAX_SHOWN]!r} {problem}")
+            return hashlib.file_digest(handle, "sha256").hexdigest()
+    except OSError as problem:
+        raise BadInput(where, f"{noun} {file.name[:MAX_SHOWN]!r} cannot be read ({problem.strerror})") from None
 
 
 def _refuse_changed(path: str, digest: str, expected: str) -> None:
@@ -98,6 +114,6 @@ def _refuse_changed(path: str, digest: str, expected: str) -> None:
 
 @lru_cache(maxsize=8)
 def _read_image(path: str, digest: str, scale_arcsec: float) -> SkyImage:
-    _refuse_changed(path, _digest(path), digest)
+    _refuse_changed(path, _digest(Path(path)), digest)
     # What the pixels hold (rate or flux) is the recipe's word; only the numbers are read here.
     return read_sky_image(path, pixel_scale_arcsec=scale_arcsec, unit="ct/s")

@@ -1,6 +1,7 @@
 """From a TOML file to a `Campaign`, or to one sentence that says what is wrong with it.
 
-Limits   a campaign is at most 1 MB of text; parsing has no side effects and follows no reference to another file.
+Limits   a campaign is at most 100 kB of text, ten times the longest that we wrote; the parser needs 3 kB of memory for
+         each part of a dotted key. Parsing has no side effects and follows no reference to another file.
 """
 
 from __future__ import annotations
@@ -8,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import stat
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -21,29 +21,27 @@ from survey_mc.campaign.quantities import MAX_NESTING, convert_quantities
 from survey_mc.campaign.schema import Campaign
 from survey_mc.campaign.sentences import sentence_of
 from survey_mc.errors import BadInput, DamagedStore
+from survey_mc.files import read_regular
 
-MAX_CAMPAIGN_BYTES = 1_000_000
-_KEY_END = re.compile(r"[=,\[\]{}\n]")
-_COMMENT_LINE = re.compile(r"^\s*#.*$", re.MULTILINE)
+MAX_CAMPAIGN_BYTES = 100_000
+MAX_LOCK_BYTES = 16_000_000  # of a campaign.lock.json; the largest campaign that is allowed has a few million
 MAX_DOTS = 200  # in one dotted key; the parser takes seconds and gigabytes over a key of 10⁵ parts
+_KEY_END = re.compile(r"[=,\[\]{}\n]")
+_COMMENT_LINE = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
+_LONG_NUMBER = re.compile(r"\d[\d_]{4000}")  # Python reads no integer of more than 4300 digits
 
 
 def read_campaign_text(path: Path | str) -> str:
     """Text of a campaign file; refuses what is not a regular, small UTF-8 file."""
-    path = Path(path)
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise BadInput(str(path), "is not a regular file; give the path of a campaign file (TOML)")
-        if status.st_size > MAX_CAMPAIGN_BYTES:
-            raise BadInput(str(path), f"must be at most {MAX_CAMPAIGN_BYTES} bytes long (got {status.st_size})")
-        return path.read_bytes().decode("utf-8")
+        return read_regular(path, MAX_CAMPAIGN_BYTES).decode("utf-8")
     except FileNotFoundError:
         raise BadInput(str(path), "there is no such file; give the path of a campaign file (TOML)") from None
     except UnicodeDecodeError as problem:
         raise BadInput(str(path), f"is not UTF-8 text (byte {problem.start})") from None
-    except (OSError, ValueError) as problem:
-        raise BadInput(str(path)[:200], f"cannot be read: {getattr(problem, 'strerror', None) or problem}") from None
+    except OSError as problem:
+        advice = "give the path of a campaign file (TOML)"
+        raise BadInput(str(path)[:200], f"cannot be read ({problem.strerror or problem}); {advice}") from None
 
 
 def load_campaign(path: Path | str) -> Campaign:
@@ -57,9 +55,9 @@ def load_run_campaign(run_dir: Path) -> Campaign:
     if not path.is_file():
         raise BadInput(str(run_dir), "is not a run directory (it has no campaign.toml)")
     try:
-        lock = json.loads((run_dir / "campaign.lock.json").read_bytes())
+        lock = json.loads(read_regular(run_dir / "campaign.lock.json", MAX_LOCK_BYTES))
         campaign_sha256, inputs_sha256 = lock["campaign_sha256"], lock["inputs_sha256"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise DamagedStore(f"{run_dir}: its campaign.lock.json is missing or damaged; run the campaign again") from None
     remedy = "is not what the run was made with; `survey-mc run` with the campaign file writes it again"
     text = read_campaign_text(path)
@@ -73,10 +71,7 @@ def load_run_campaign(run_dir: Path) -> Campaign:
 
 def parse_campaign(text: str, where: str = "campaign", folder: Path | None = None) -> Campaign:
     """Check the text of a campaign; `where` names it in errors, `folder` is what its paths are relative to."""
-    if max(text.count("["), text.count("{")) > MAX_NESTING and _nesting(text) > MAX_NESTING:
-        raise BadInput(where, f"is nested more than {MAX_NESTING} levels deep")
-    if max(part.count(".") for part in _KEY_END.split(_COMMENT_LINE.sub("", text))) > MAX_DOTS:
-        raise BadInput(where, f"has more than {MAX_DOTS} dots in a row without one of = , [ ] {{ }} between them")
+    _refuse_costly(text, where)
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
@@ -91,15 +86,38 @@ def parse_campaign(text: str, where: str = "campaign", folder: Path | None = Non
     return campaign
 
 
-def _nesting(text: str) -> int:
-    depth = deepest = 0
-    for character in text:
+def _refuse_costly(text: str, where: str) -> None:
+    """Raise `BadInput`, with the line, for what the TOML parser would take too long over or cannot survive."""
+    if len(text) > MAX_CAMPAIGN_BYTES:
+        raise BadInput(where, f"must be at most {MAX_CAMPAIGN_BYTES} characters long (got {len(text)})")
+    if max(text.count("["), text.count("{")) > MAX_NESTING and (place := _too_deep(text)) is not None:
+        raise BadInput(_line(text, place, where), f"is nested more than {MAX_NESTING} levels deep")
+    for part in _KEY_END.split(_COMMENT_LINE.sub("", text)):
+        if part.count(".") > MAX_DOTS:
+            place = text.find(part)  # not found if a comment is inside
+            raise BadInput(
+                _line(text, max(place, 0), where),
+                f"has more than {MAX_DOTS} dots in a row without one of = , [ ] {{ }} between them",
+            )
+    if number := _LONG_NUMBER.search(text):
+        raise BadInput(_line(text, number.start(), where), "has a number of more than 4000 digits")
+
+
+def _line(text: str, place: int, where: str) -> str:
+    return f"{where}: line {text.count(chr(10), 0, place) + 1}"
+
+
+def _too_deep(text: str) -> int | None:
+    """Where the brackets are first nested too deep; those in texts and comments count, which campaigns do not need."""
+    depth = 0
+    for place, character in enumerate(text):
         if character in "[{":
             depth += 1
-            deepest = max(deepest, depth)
+            if depth > MAX_NESTING:
+                return place
         elif character in "]}":
             depth -= 1
-    return deepest
+    return None
 
 
 def _validate(content: dict[str, Any], where: str) -> Campaign:

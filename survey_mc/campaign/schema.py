@@ -34,6 +34,7 @@ MAX_EXPOSURE_KS = 5000.0
 MAX_REALISATIONS = 10_000_000
 MAX_CELLS = 1000
 MAX_METHODS = 100
+MAX_PAIRS = 10_000  # of a cell and a method: each has keys, a row in every table and a line in the lock file
 MAX_FIELDS = 10_000_000
 MAX_FILES = 1_000_000
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.\-]{0,99}$"
@@ -181,21 +182,28 @@ class Campaign(_Strict):
         labels = [m.label for m in self.method]
         repeated = sorted({label for label in labels if labels.count(label) > 1})
         if repeated:
-            raise ValueError(f"two methods are labelled {repeated[0]!r}; give each a `label` of its own")
+            raise ValueError(f"method: two methods are labelled {repeated[0]!r}; give each a `label` of its own")
         n_cells = len(self.grid.band) * len(self.grid.exposure_ks)
         if n_cells > MAX_CELLS:
-            raise ValueError(f"the grid has {n_cells} cells; at most {MAX_CELLS} are allowed")
+            raise ValueError(f"grid: has {n_cells} cells; at most {MAX_CELLS} are allowed")
+        if n_cells * len(self.method) > MAX_PAIRS:
+            raise ValueError(
+                f"grid: has {n_cells * len(self.method)} pairs of a cell and a method; at most {MAX_PAIRS} are allowed"
+            )
         n_fields = n_cells * self.grid.realisations
         if n_fields > MAX_FIELDS:
-            raise ValueError(f"the grid has {n_fields} fields (cells × realisations); at most {MAX_FIELDS} are allowed")
+            raise ValueError(f"grid: has {n_fields} fields (cells × realisations); at most {MAX_FIELDS} are allowed")
         n_files = n_cells * -(-self.grid.realisations // self.store.realisations_per_file) * (1 + 3 * len(self.method))
         if n_files > MAX_FILES:
             raise ValueError(
-                f"the results would be {n_files} files; at most {MAX_FILES} are allowed: a larger "
+                f"grid: the results would be {n_files} files; at most {MAX_FILES} are allowed: a larger "
                 f"store.realisations_per_file (got {self.store.realisations_per_file})"
             )
         for exposure_ks in self.grid.exposure_ks:
-            self.match.limit(exposure_ks)
+            try:
+                self.match.limit(exposure_ks)
+            except ValueError as problem:
+                raise ValueError(f"match.{problem}") from None
         return self
 
 

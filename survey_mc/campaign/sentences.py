@@ -7,6 +7,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from survey_mc.campaign.quantities import shown_key
 from survey_mc.campaign.schema import NAME_PATTERN, ONE_LINE_PATTERN
 from survey_mc.detect import DETECTORS
 from survey_mc.registry import UnknownName, nearest_name
@@ -84,7 +85,7 @@ def _place(loc: tuple[int | str, ...], content: Any) -> tuple[str, Any]:
             continue  # a union tag, such as the kind of the sky
         else:
             here = _NOT_SHOWN
-        text += f"[{step}]" if isinstance(step, int) else f".{step[:80]}" if text else step[:80]
+        text += f"[{step}]" if isinstance(step, int) else f".{shown_key(step)}" if text else shown_key(step)
     return text, here
 
 

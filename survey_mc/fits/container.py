@@ -8,9 +8,9 @@ Limits   tile-compressed images are refused with advice; the checksum of a unit 
 
 from __future__ import annotations
 
+import errno
 import gzip
 import os
-import stat
 import warnings
 import zlib
 from collections.abc import Callable, Iterator
@@ -22,6 +22,7 @@ from typing import IO, TYPE_CHECKING, Literal
 import numpy as np
 
 from survey_mc.errors import BadInput
+from survey_mc.files import open_regular
 from survey_mc.fits.header import card, integer, text
 
 if TYPE_CHECKING:
@@ -31,9 +32,13 @@ BLOCK_BYTES = 2880  # FITS standard 3.1
 CARD_BYTES = 80
 MAX_PIXELS = 2**26  # 8192², larger than any survey tile; 512 MiB as float64
 MAX_TABLE_BYTES = 2**30
-MAX_UNPACKED_BYTES = 2**30  # a packed megabyte can claim a gigabyte
+MAX_UNPACKED_BYTES = 2**29  # a packed megabyte can claim a gigabyte
 MAX_HEADER_BLOCKS = 1000  # 36 000 cards; mosaics of hundreds of exposures have a few thousand
+MAX_HEADERS_BYTES = 3 * MAX_HEADER_BLOCKS * BLOCK_BYTES  # of all units together: a second to parse
 MAX_HDUS = 2000
+MAX_DECLARED_BYTES = 2**62  # what no file system holds
+MAX_LISTED = 12  # units, or axes, in an error sentence
+MAX_NAME = 68  # characters that fit a card
 GZIP_MAGIC = b"\x1f\x8b"
 _PRINTABLE = bytes(byte if 32 <= byte < 127 else ord("?") for byte in range(256))
 
@@ -51,6 +56,12 @@ class Hdu:
     head: bytes
     axes: tuple[int, ...]
     data: bytes = b""
+
+    @property
+    def shape(self) -> str:
+        """The lengths of the axes as a sentence shows them."""
+        more = " × …" if len(self.axes) > MAX_LISTED else ""
+        return " × ".join(str(length) for length in self.axes[:MAX_LISTED]) + more
 
 
 @contextmanager
@@ -81,21 +92,24 @@ def read_hdu(path: str | Path, hdu: int | str | None, kind: Literal["image", "ta
             return unit.kind == kind and len(unit.axes) > 0
         return unit.index == asked if isinstance(asked, int) else unit.name.casefold() == asked.casefold()
 
-    units: list[Hdu] = []
+    others: list[tuple[str, Kind]] = []  # what is said of each unit; their headers would fill the memory
+    primary: Hdu | None = None
     found: Hdu | None = None
     with quiet(), _opened(path) as (stream, n_bytes):
         for unit in _walk(stream, n_bytes, where, is_wanted):
-            units.append(unit)
+            primary = primary or unit
             found = found or (unit if is_wanted(unit) else None)
-        if found is None or found.kind != kind:
-            raise BadInput(where, _why_not(units, found, hdu, kind))
+            shown = unit.kind if unit.axes else "empty"
+            others.append((f"{unit.index}: {unit.name[:MAX_NAME] or 'unnamed'} ({shown})", unit.kind))
+        if primary is None or found is None or found.kind != kind:
+            raise BadInput(where, _why_not(others, found, hdu, kind))
         _check_sums(found, f"{where}[{found.index}]")
-    return found, units[0]
+    return found, primary
 
 
-def _why_not(units: list[Hdu], found: Hdu | None, hdu: int | str | None, kind: str) -> str:
-    listing = ", ".join(f"{u.index}: {u.name or 'unnamed'} ({u.kind if u.axes else 'empty'})" for u in units[:12])
-    if any(u.kind == "compressed image" for u in units) and kind == "image" and (found or hdu is None):
+def _why_not(units: list[tuple[str, Kind]], found: Hdu | None, hdu: int | str | None, kind: str) -> str:
+    listing = ", ".join(shown for shown, _ in units[:MAX_LISTED])
+    if any(k == "compressed image" for _, k in units) and kind == "image" and (found or hdu is None):
         return f"the image is tile-compressed; unpack it first (funpack); the file has {listing}"
     if found is not None:
         return f"HDU {hdu!r} is {_an(found.kind)}, expected {_an(kind)}; the file has {listing}"
@@ -114,17 +128,7 @@ def _opened(path: str | Path) -> Iterator[tuple[IO[bytes], int | None]]:
     """The unpacked byte stream and its length (None for a packed file); every failure of the system is a sentence."""
     where = str(path)
     try:
-        mode = os.stat(path).st_mode
-    except FileNotFoundError:
-        raise BadInput(where, "there is no such file; give the path of a FITS file") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        raise BadInput(where, f"cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    if stat.S_ISDIR(mode):
-        raise BadInput(where, "is a directory, expected a FITS file")
-    if not stat.S_ISREG(mode):
-        raise BadInput(where, "is not a regular file, expected a FITS file")
-    try:
-        with open(path, "rb") as raw:
+        with open_regular(path) as raw:
             n_bytes = os.fstat(raw.fileno()).st_size
             if n_bytes == 0:
                 raise BadInput(where, "is empty (0 bytes), expected a FITS file")
@@ -137,21 +141,27 @@ def _opened(path: str | Path) -> Iterator[tuple[IO[bytes], int | None]]:
                 yield raw, n_bytes
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise BadInput(where, f"the packed file is truncated or damaged ({error})") from error
+    except FileNotFoundError:
+        raise BadInput(where, "there is no such file; give the path of a FITS file") from None
     except OSError as error:
+        if error.errno in (errno.EISDIR, errno.EINVAL):
+            raise BadInput(where, f"{error.strerror}; give the path of a FITS file") from None
         raise BadInput(where, f"cannot be read ({error.strerror or error})") from error
 
 
 def _walk(stream: IO[bytes], n_bytes: int | None, where: str, is_wanted: Callable[[Hdu], bool]) -> Iterator[Hdu]:
     """Every unit in order, the first that `is_wanted` with its data. The whole declared length is checked."""
-    position, is_read = 0, False
+    position, n_header_bytes, is_read = 0, 0, False
     for index in range(MAX_HDUS):
         place = f"{where}[{index}]"
         head = _read_header(stream, index, place)
         if head is None:
             return
+        position, n_header_bytes = position + len(head), n_header_bytes + len(head)
+        if n_header_bytes > MAX_HEADERS_BYTES:
+            raise BadInput(place, f"its headers have more than {MAX_HEADERS_BYTES} bytes; cut out the image you need")
         unit = _parse(head, index, place)
         size = _declared_bytes(unit, place)
-        position += len(head)
         wanted = not is_read and is_wanted(unit)
         is_read |= wanted
         if wanted:
@@ -162,7 +172,10 @@ def _walk(stream: IO[bytes], n_bytes: int | None, where: str, is_wanted: Callabl
                 f"truncated: {position + size - n_bytes} of the {size} data bytes its header declares are missing",
             )
         if n_bytes is None and position + size > MAX_UNPACKED_BYTES:
-            raise BadInput(place, f"declares {size} bytes in a packed file; at most {MAX_UNPACKED_BYTES} are unpacked")
+            raise BadInput(
+                place,
+                f"declares {size} bytes in a packed file; at most {MAX_UNPACKED_BYTES} are unpacked: unpack it first",
+            )
         padded = -(-size // BLOCK_BYTES) * BLOCK_BYTES
         data = stream.read(padded) if wanted else b""
         n_got = len(data) if wanted else _skip(stream, padded, n_bytes)
@@ -250,14 +263,16 @@ def _declared_bytes(unit: Hdu, place: str) -> int:
     n_values = 1 if axes else 0
     for length in axes:
         n_values *= length
-    return abs(bits) // 8 * n_groups * (n_parameters + n_values)
+    size = abs(bits) // 8 * n_groups * (n_parameters + n_values)
+    if size > MAX_DECLARED_BYTES:
+        raise BadInput(place, f"declares {unit.shape} values; at most {MAX_DECLARED_BYTES} bytes fit any file")
+    return size
 
 
 def _refuse_too_large(unit: Hdu, size: int, place: str) -> None:
-    shape = " × ".join(str(length) for length in unit.axes)
     bits = abs(int(unit.header["BITPIX"]))
     if unit.kind == "image" and size * 8 > MAX_PIXELS * bits:
-        raise BadInput(place, f"the image has {shape} pixels; at most {MAX_PIXELS} are read")
+        raise BadInput(place, f"the image has {unit.shape} pixels; at most {MAX_PIXELS} are read")
     if size > MAX_TABLE_BYTES:
         raise BadInput(place, f"declares {size} bytes; at most {MAX_TABLE_BYTES} are read")
 

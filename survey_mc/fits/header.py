@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 EXPOSURE_KEYS = ("EXPOSURE", "LIVETIME", "ONTIME", "EXPTIME")
 EV_PER_KEV = 1000.0
 MAX_SUBSPACE_CARDS = 20
+MAX_EXPOSURE_S = 1e15  # a map in cm² s can have 1e10
+MAX_WORDS = 200  # characters of a text card that are kept; a card has 68, continued ones any number
 MAX_PLAUSIBLE_KEV = 100.0  # focusing X-ray telescopes end below; a larger E_MAX without a unit is in eV
 
 
@@ -83,7 +85,7 @@ def image_facts(headers: tuple[Header, ...], where: str, file_name: str) -> Imag
 
     def first_text(*keys: str) -> str:
         found = (text(header, key, where) for header in headers for key in keys)
-        return next((value for value in found if value), "")
+        return next((value for value in found if value), "")[:MAX_WORDS]
 
     def first_number(*keys: str) -> float | None:
         for header in headers:
@@ -98,8 +100,9 @@ def image_facts(headers: tuple[Header, ...], where: str, file_name: str) -> Imag
         return None
 
     exposure_s = first_number(*EXPOSURE_KEYS)
-    if exposure_s is not None and exposure_s <= 0.0:
-        notes.append(f"{where}: the exposure time must be positive (got {exposure_s:g} s); ignored")
+    if exposure_s is not None and not 0.0 < exposure_s <= MAX_EXPOSURE_S:
+        limits = f"positive and at most {MAX_EXPOSURE_S:g} s"
+        notes.append(f"{where}: the exposure time must be {limits} (got {exposure_s:g} s); ignored")
         exposure_s = None
     subspace_ev = _subspace_ev(first_text)
     low, high = _band(first_number, first_text("E_UNIT", "EUNIT"), subspace_ev, where, notes)

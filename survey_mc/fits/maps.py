@@ -16,8 +16,9 @@ import numpy as np
 
 from survey_mc.errors import BadInput
 from survey_mc.fits.container import Hdu, quiet, read_hdu
-from survey_mc.fits.header import text
-from survey_mc.fits.image import image_values, refuse_where
+from survey_mc.fits.header import MAX_EXPOSURE_S, text
+from survey_mc.fits.image import image_values, refuse_scale, refuse_where
+from survey_mc.fits.unit_text import MAX_CHARACTERS, unit_from_text
 from survey_mc.fits.wcs import MAX_MISALIGNMENT_PIX, celestial_wcs, misalignment_pix, pixel_scale_arcsec
 from survey_mc.types import FloatImage, PixelGrid, SkyImage
 from survey_mc.units import ARCSEC_PER_ARCMIN
@@ -48,6 +49,7 @@ def read_exposure_map(
     values[np.isnan(values)] = 0.0
     refuse_where(~np.isfinite(values), values, where, "exposure must be finite")
     refuse_where(values < 0.0, values, where, "exposure must not be negative")
+    refuse_where(values > MAX_EXPOSURE_S, values, where, f"exposure must be at most {MAX_EXPOSURE_S:g} s")
     if not values.any():
         raise BadInput(where, "the exposure map is 0 everywhere: nothing was observed")
     return values
@@ -141,8 +143,7 @@ def _map_on(
 
 def _sky_scale(unit: Hdu, where: str, shape: tuple[int, int], scale_given_arcsec: float | None) -> float:
     if scale_given_arcsec is not None:
-        if not 0.0 < scale_given_arcsec < math.inf:
-            raise BadInput(where, f"the pixel scale must be a positive number of arcsec (got {scale_given_arcsec})")
+        refuse_scale(scale_given_arcsec, where)
         return scale_given_arcsec
     wcs = celestial_wcs(unit.header, where)
     if wcs is None:
@@ -160,9 +161,9 @@ def _factor(stated: str, targets: dict[str, float], where: str, allowed: tuple[s
     from astropy import units
 
     found: Any = None
-    words = "".join(_SPELLINGS.get(word.casefold(), word) for word in _words(stated))
+    words = "".join(_SPELLINGS.get(word.casefold(), word) for word in _words(stated[:MAX_CHARACTERS]))
     try:
-        found = units.Unit(words)
+        found = unit_from_text(words)
         if units.pix in found.bases:
             found = found * units.pix
         for target, factor in targets.items():
@@ -170,9 +171,9 @@ def _factor(stated: str, targets: dict[str, float], where: str, allowed: tuple[s
                 scaled = float(found.to(units.Unit(target))) * factor
                 if 0.0 < scaled < math.inf:
                     return scaled
-    except Exception as error:  # the unit parser raises several types on free text
-        raise BadInput(where, f"unit must be one of {', '.join(allowed)} (got {stated!r})") from error
-    raise BadInput(where, f"unit must be one of {', '.join(allowed)} (got {stated!r})")
+    except Exception as error:  # conversions between strange units raise several types
+        raise BadInput(where, f"unit must be one of {', '.join(allowed)} (got {stated[:MAX_CHARACTERS]!r})") from error
+    raise BadInput(where, f"unit must be one of {', '.join(allowed)} (got {stated[:MAX_CHARACTERS]!r})")
 
 
 def _words(stated: str) -> list[str]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from survey_mc.errors import BadInput
+from survey_mc.files import read_regular
 from survey_mc.fits.container import quiet
 from survey_mc.fits.wcs import fits_from_pix, icrs_deg
 from survey_mc.fits.writing import ascii_text, check_target, creator, write_whole
@@ -121,12 +122,9 @@ def _sky_angles_deg(wcs: WCS, x_pix: FloatArray, y_pix: FloatArray, theta_deg: F
 def read_regions(path: str | Path) -> list[Region]:
     """Circles and ellipses of a DS9 region file, in file order; other shapes raise `BadInput` with their line."""
     try:
-        with open(path, "rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        raise BadInput(str(path), f"cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    if len(content) > MAX_BYTES:
-        raise BadInput(str(path), f"is larger than {MAX_BYTES} bytes")
+        content = read_regular(path, MAX_BYTES)
+    except OSError as error:
+        raise BadInput(str(path), f"cannot be read ({error.strerror or error})") from error
     frame, colour = "image", "green"
     regions: list[Region] = []
     for number, raw in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):

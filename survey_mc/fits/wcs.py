@@ -27,6 +27,7 @@ FIRST_PIXEL_FITS = 1.0
 MAX_ANISOTROPY = 0.01  # relative difference of pixel sides, of sizes over the image, cosine of the corner angle
 MAX_MISALIGNMENT_PIX = 0.5
 MAX_SIP_ORDER = 9  # Shupe et al. 2005, ADASS XIV, 491
+MAX_PARAMETERS = 100  # cards PVi_m: the most a projection has is 2 × 40 (TPV)
 
 _TEXT_CARDS = re.compile(r"CTYPE[12]|CUNIT[12]|RADESYS|RADECSYS")
 _NUMBER_CARDS = re.compile(
@@ -52,6 +53,7 @@ def celestial_wcs(header: Header, where: str) -> WCS | None:
 
     clean = fits.Header({"NAXIS": 2, "WCSAXES": 2})
     # Distortion coefficients hold only under CTYPE "…-SIP": without it they are left over from another image.
+    n_parameters = 0
     has_sip = any(text(header, key, where).endswith("-SIP") for key in ("CTYPE1", "CTYPE2"))
     for key in dict.fromkeys(header.keys()):
         if _TEXT_CARDS.fullmatch(key) and (value := card(header, key, where)) is not None:
@@ -59,6 +61,9 @@ def celestial_wcs(header: Header, where: str) -> WCS | None:
                 raise BadInput(where, f"{key} must be text (got {value!r})")
             clean[key] = value
         elif _NUMBER_CARDS.fullmatch(key) and (value := number(header, key, where)) is not None:
+            n_parameters += key.startswith("PV")
+            if n_parameters > MAX_PARAMETERS:
+                raise BadInput(where, f"has more than {MAX_PARAMETERS} projection parameters (cards PVi_m)")
             clean[key] = value
         elif has_sip and _SIP_CARDS.fullmatch(key) and (value := number(header, key, where)) is not None:
             clean[key] = _sip_order(key, value, where) if key.endswith("_ORDER") else value
@@ -72,7 +77,25 @@ def celestial_wcs(header: Header, where: str) -> WCS | None:
         return None
     if not any(key in clean for key in ("CDELT1", "CD1_1", "CD1_2")):
         raise BadInput(where, "its WCS has no pixel size (neither CDELT nor CD cards)")
+    _refuse_other_skies(wcs, where)
     return wcs
+
+
+def _refuse_other_skies(wcs: WCS, where: str) -> None:
+    """Raise `BadInput` for a WCS whose positions have no ICRS coordinates: of the Sun, or of an unknown RADESYS."""
+    from astropy.coordinates import ICRS
+    from astropy.wcs.utils import wcs_to_celestial_frame
+
+    try:
+        known = bool(wcs_to_celestial_frame(wcs).is_transformable_to(ICRS()))
+    except Exception:  # astropy raises several types for what it does not know
+        known = False
+    if not known:
+        raise BadInput(
+            where,
+            "its celestial coordinates are none that can be converted to ICRS "
+            f"(CTYPE1 {wcs.wcs.ctype[0]!r}, RADESYS {wcs.wcs.radesys!r})",
+        )
 
 
 def _sip_order(key: str, value: float, where: str) -> int:

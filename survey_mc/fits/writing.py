@@ -54,6 +54,8 @@ def check_target(path: str | Path, overwrite: bool) -> Path:
             raise BadInput(str(path), f"its folder {str(target.parent)!r} does not exist")
         if target.is_dir():
             raise BadInput(str(path), "is a directory, expected the name of a file")
+        if target.exists() and not target.is_file():
+            raise BadInput(str(path), "is a device or a pipe, expected the name of a file")
         if target.exists() and not overwrite:
             raise BadInput(str(path), "exists already; allow overwriting or choose another name")
     except (OSError, ValueError) as error:  # ValueError: a null character in the name

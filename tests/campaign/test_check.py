@@ -33,9 +33,9 @@ REFUSED = {
     "labels of exposures that look the same": ([("[10.0]", "[10.0, 10.0000001]")], "grid: exposure_ks must differ"),
     "more fields than a lifetime": (
         [("[10.0]", "[10.0, 20.0]"), ("realisations = 6", "realisations = 9000000")],
-        "the grid has 18000000 fields",
+        "grid: has 18000000 fields",
     ),
-    "more files than a disk likes": ([("realisations = 6", "realisations = 9000000")], "the results would be 9000000"),
+    "more files than a disk likes": ([("realisations = 6", "realisations = 9000000")], "grid: the results would be 9000000"),
     "background that the instrument does not grant": (
         [('name = "gauss_se"', 'name = "gauss_se"\nparams = { background = "granted" }')],
         'method[0].params.background: "granted" needs an instrument that grants',
@@ -58,7 +58,7 @@ def test_it_is_refused_in_one_sentence(case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["a" + ".a" * 100_000 + " = 1", "[" + "a." * 100_000 + "a]\nb = 1", "a" + ".a" * 100 + " = 1"]
+    "text", ["a" + ".a" * 40_000 + " = 1", "[" + "a." * 40_000 + "a]\nb = 1", "a" + ".a" * 100 + " = 1"]
 )
 def test_a_key_of_many_parts_is_refused_before_it_costs_anything(text: str) -> None:
     with pytest.raises(BadInput, match=r"dots in a row|nested more than"):
@@ -73,5 +73,5 @@ def test_one_bad_value_is_one_error() -> None:
 
 
 def test_many_unknown_keys_are_counted_quickly() -> None:
-    with pytest.raises(BadInput, match="and 5000 more"):
-        parse_campaign(TEXT.replace("schema = 1", "schema = 1\n" + "\n".join(f"k{i} = 1" for i in range(5001))))
+    with pytest.raises(BadInput, match="and 900 more"):
+        parse_campaign(TEXT.replace("schema = 1", "schema = 1\n" + "\n".join(f"k{i} = 1" for i in range(901))))
