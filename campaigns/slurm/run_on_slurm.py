@@ -36,6 +36,12 @@ STOPPING = (signal.SIGINT, signal.SIGTERM)
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
 KEYS = {f"{TLS}CA_FILE": "cert.pem", f"{TLS}CLIENT__CERT": "cert.pem", f"{TLS}CLIENT__KEY": "key.pem"}
 
+SCHEDULING = {
+    "distributed.scheduler.allowed-failures": 10,  # an order outlives the deaths of workers
+    "distributed.scheduler.worker-saturation": 1.0,  # a worker is given what it can do now and no more
+    "distributed.deploy.lost-worker-timeout": "1 hour",  # its job is not cancelled while it is restarted
+}
+
 
 class Stopped(BaseException):
     """A signal asked for the end. args: its number."""
@@ -89,11 +95,9 @@ def cluster_of(chosen: argparse.Namespace, name: str, folder: Path, settings: di
         "dashboard_address": f"127.0.0.1:{chosen.dashboard or 0}",
         "scheduler_file": str(folder / "scheduler.json"),
     }
-    # A worker has one order at a time, and an order outlives the deaths of workers.
-    patient = {"distributed.scheduler.allowed-failures": 10, "distributed.scheduler.worker-saturation": 1.0}
+    dask.config.set(SCHEDULING)
     try:
-        with dask.config.set(patient):
-            cluster = SLURMCluster(scheduler_options=scheduler, silence_logs="critical", **settings)
+        cluster = SLURMCluster(scheduler_options=scheduler, silence_logs="critical", **settings)
         try:
             yield cluster
         finally:

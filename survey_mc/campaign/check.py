@@ -8,6 +8,8 @@ Limits   a field whose first realisation is fine may still fail later; that is a
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from survey_mc.campaign.cells import Cell, expand
@@ -23,6 +25,8 @@ from survey_mc.sky.lognlogs import LogNLogSParams, expected_number
 from survey_mc.telescope import InstrumentSettings
 
 MAX_SOURCES = 1_000_000  # in one field: 100 MB of truth and a second to draw
+MAX_ROWS_OF_FILE = 20_000_000  # of truth, 100 bytes each
+MAX_LINKED = 10_000  # sources that a detection is linked with, 20 bytes each, for every detection
 MAX_PHOTONS = 50_000_000  # in one field: 60 bytes each while they are drawn
 JAMMING = 0.547  # covered fraction at which discs thrown at random no longer fit (Feder 1980, J. Theor. Biol. 87, 237)
 
@@ -81,6 +85,7 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
             f"gives {n_sources:.3g} sources in a field; at most {MAX_SOURCES:g} are allowed: a brighter flux_min_cgs, "
             "a smaller image, margin or normalisation",
         )
+    _refuse_long_tables(campaign, n_sources, response.half_width_arcsec)
     for part in parts:
         _refuse_jammed(part)
     sky = draw_truth(campaign, cell, 0)
@@ -91,6 +96,25 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
             f"cell {cell.label}",
             f"has {n_photons:.3g} photons in a field; at most {MAX_PHOTONS:g} are allowed: a shorter exposure, fainter "
             "sources or less background",
+        )
+
+
+def _refuse_long_tables(campaign: Campaign, n_sources: float, half_width_arcsec: float) -> None:
+    """A stored file is packed, and the links of a detection are made, in memory."""
+    n_rows = n_sources * campaign.store.realisations_per_file
+    if n_rows > MAX_ROWS_OF_FILE:
+        raise BadInput(
+            "store.realisations_per_file",
+            f"gives {n_rows:.3g} sources in a stored file; at most {MAX_ROWS_OF_FILE:g} are allowed "
+            f"(got {campaign.store.realisations_per_file} of {n_sources:.3g} sources)",
+        )
+    radius_arcsec = min(campaign.match.link_radius_arcsec, half_width_arcsec)
+    n_linked = n_sources * math.pi * (radius_arcsec / (2.0 * half_width_arcsec)) ** 2
+    if n_linked > MAX_LINKED:
+        raise BadInput(
+            "match.link_radius_arcsec",
+            f"gives {n_linked:.3g} sources around each detection; at most {MAX_LINKED:g} are allowed "
+            f"(got {campaign.match.link_radius_arcsec:g})",
         )
 
 

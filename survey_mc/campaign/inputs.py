@@ -18,6 +18,7 @@ from survey_mc.detect import DetectorParams
 from survey_mc.errors import BadInput
 from survey_mc.files import open_regular
 from survey_mc.fits import read_sky_image
+from survey_mc.fits.container import MAX_PIXELS
 from survey_mc.sky import AnySkyParams
 from survey_mc.sky.combined import CombinedParams
 from survey_mc.sky.image import ImageParams
@@ -68,14 +69,14 @@ def sky_image_paths(sky: AnySkyParams) -> tuple[str, ...]:
 def sky_images(campaign: Campaign) -> Mapping[str, SkyImage]:
     """The images of a loaded campaign, read once per process."""
     digests = campaign.input_digests
-    return {
-        params.path: _read_image(
-            str(resolve_input(params.path, campaign.folder, "campaign", SKY_IMAGE)),
-            digests[params.path],
-            params.scale_arcsec,
-        )
-        for params in _image_params(campaign.sky)
-    }
+    images: dict[str, SkyImage] = {}
+    for params in _image_params(campaign.sky):
+        file = resolve_input(params.path, campaign.folder, "campaign", SKY_IMAGE)
+        images[params.path] = _read_image(str(file), digests[params.path], params.scale_arcsec)
+        n_pixels = sum(image.rate_cps.size for image in images.values())
+        if n_pixels > MAX_PIXELS:
+            raise BadInput("sky", f"its images have {n_pixels} pixels together; at most {MAX_PIXELS} are allowed")
+    return images
 
 
 def located_params(campaign: Campaign, params: DetectorParams) -> DetectorParams:

@@ -17,7 +17,7 @@ import numpy as np
 from survey_mc.errors import BadInput
 from survey_mc.fits.container import Hdu, quiet, read_hdu
 from survey_mc.fits.header import MAX_EXPOSURE_S, text
-from survey_mc.fits.image import image_values, refuse_scale, refuse_where
+from survey_mc.fits.image import MAX_COUNTS, image_values, refuse_scale, refuse_where
 from survey_mc.fits.unit_text import MAX_CHARACTERS, unit_from_text
 from survey_mc.fits.wcs import MAX_MISALIGNMENT_PIX, celestial_wcs, misalignment_pix, pixel_scale_arcsec
 from survey_mc.types import FloatImage, PixelGrid, SkyImage
@@ -77,6 +77,7 @@ def read_background_map(
     values[np.isnan(values) & (exposure_s == 0.0)] = 0.0
     refuse_where(~np.isfinite(values), values, where, "background must be finite where there is exposure")
     refuse_where(values < 0.0, values, where, "background must not be negative")
+    refuse_where(values > MAX_COUNTS, values, where, f"background must be at most {MAX_COUNTS}")
     return np.asarray(values * exposure_s) if is_rate else values
 
 

@@ -150,26 +150,39 @@ def _count_by_origin(x_pix, y_pix, radius_pix, photons_pix, origin, row_start, s
 def _sum_in_circles(x_pix, y_pix, radius_pix, image):  # type: ignore[no-untyped-def]
     """Sum of an image inside each circle; pixels the edge crosses count by the share of their points inside."""
     total = np.zeros(x_pix.shape[0], np.float64)
+    patch = np.empty(0)
     for d in range(x_pix.shape[0]):
         radius = radius_pix[d]
         x_first, x_stop = _span(x_pix[d], radius, image.shape[1])
         y_first, y_stop = _span(y_pix[d], radius, image.shape[0])
+        n_pixels = max(0, x_stop - x_first) * max(0, y_stop - y_first)
+        if n_pixels > patch.size:
+            patch = np.empty(2 * n_pixels)
+        # Fetched before anything is decided about them: the rows are far apart in memory, and the processor asks for
+        # all of them at once.
+        n = 0
         for y in range(y_first, y_stop):
             for x in range(x_first, x_stop):
+                patch[n] = image[y, x]
+                n += 1
+        n = 0
+        for y in range(y_first, y_stop):
+            dy = y - y_pix[d]
+            for x in range(x_first, x_stop):
                 dx = x - x_pix[d]
-                dy = y - y_pix[d]
+                value = patch[n]
+                n += 1
                 distance = np.sqrt(dx * dx + dy * dy)
                 if distance > radius + HALF_DIAGONAL_PIX:
                     continue
                 if distance < radius - HALF_DIAGONAL_PIX:
-                    total[d] += image[y, x]
+                    total[d] += value
                     continue
                 n_inside = 0
                 for j in range(SUBPIXELS):
+                    v = dy + (j + 0.5) / SUBPIXELS - 0.5
                     for i in range(SUBPIXELS):
                         u = dx + (i + 0.5) / SUBPIXELS - 0.5
-                        v = dy + (j + 0.5) / SUBPIXELS - 0.5
-                        if u * u + v * v <= radius * radius:
-                            n_inside += 1
-                total[d] += image[y, x] * n_inside / (SUBPIXELS * SUBPIXELS)
+                        n_inside += u * u + v * v <= radius * radius
+                total[d] += value * n_inside / (SUBPIXELS * SUBPIXELS)
     return total

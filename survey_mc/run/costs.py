@@ -23,7 +23,10 @@ from survey_mc.store.parquet import encoded_bytes
 
 SAMPLE_FIELDS = 5
 SAMPLE_SECONDS = 1.0
-WRITING_PER_ENCODING = 1.8  # reading back, hashing and renaming a file beside encoding it; measured 1.5 to 2
+# Reading back, hashing and renaming a file beside encoding it: measured 1.5 to 2.5.
+WRITING_PER_ENCODING = 2.3
+# A worker spends some on its scheduler, and shares caches with its neighbours: measured 1.05 to 1.3.
+WORKER_PER_SAMPLE = 1.1
 
 Stage = tuple[str, str]  # method label (empty: drawing, truth) and draw, detect, match or commit
 
@@ -92,7 +95,7 @@ def sample(campaign: Campaign, cell: Cell, labels: Iterable[str]) -> Sample:
         if time.process_time() - begun > SAMPLE_SECONDS:
             break
     problems = sorted({f"{cell.label} / {f.method or 'drawing'}: {f.error}" for f in outcome.failures})
-    stages = {stage: cost.cpu_s / max(cost.fields, 1) for stage, cost in outcome.costs.items()}
+    stages = {stage: WORKER_PER_SAMPLE * cost.cpu_s / max(cost.fields, 1) for stage, cost in outcome.costs.items()}
     files = {family: _file_cost(*tables[family], parts) for family, parts in rows.items()}
     return Sample(stages, files, tuple(problems))
 

@@ -70,7 +70,7 @@ def _in_child(order: Order, where: str) -> Outcome | tuple[int, Death]:
     wanted, answer = folder / f"{name}.order.json", folder / f"{name}.outcome.json"
     wanted.write_text(json.dumps(order_content(order) | {"name": name}), encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    command = [sys.executable, "-m", "survey_mc.run.lone_field", str(wanted), str(answer)]
+    command = [sys.executable, "-P", "-m", "survey_mc.run.lone_field", str(wanted), str(answer)]
     n_steps = 1 + 2 * len({*order.detect, *order.match})
     patience_s = (order.limits.seconds * 1.2 + COMPILATION_SECONDS) * n_steps + GRACE_SECONDS
     said: deque[bytes] = deque(maxlen=LINES_KEPT)

@@ -48,6 +48,11 @@ def mend(layout: RunLayout, manifest: Manifest, damages: Sequence[Damage]) -> Me
 
     Raises `DamagedStore`, before anything is touched, where only a person can help.
     """
+    if not is_plain(layout.manifest) and not any(damage.piece for damage in damages):
+        raise DamagedStore(
+            f"{layout.root}: has nothing stored (a published run keeps its tables and lock only); `survey-mc run` with "
+            "its campaign file makes it again"
+        )
     mended = Mended(_campaign_of(layout, manifest, damages), tables=any(d.kind == "table" for d in damages))
     for damage in damages:
         _remove(layout, damage)
@@ -88,12 +93,14 @@ def _campaign_of(layout: RunLayout, manifest: Manifest, damages: Sequence[Damage
                 f"{layout.root / damage.path}: is not what the run was made with and cannot be computed; put it back, "
                 "or run the campaign again from the folder that has it"
             )
-    lock = loose_content(layout.lock_file)[0] if is_plain(layout.lock_file) else {}
-    texts = [layout.campaign.read_bytes().decode("utf-8", errors="replace")] if is_plain(layout.campaign) else []
-    texts += [lock["campaign_text"]] if isinstance(lock.get("campaign_text"), str) else []
+    # Somebody may have swapped the two files.
+    sources = [path for path in (layout.campaign, layout.lock_file) if is_plain(path)]
+    locks = [loose_content(path)[0] for path in sources]
+    texts = [path.read_bytes().decode("utf-8", errors="replace") for path in sources]
+    texts += [text for lock in locks if isinstance(text := lock.get("campaign_text"), str)]
     for text in texts:
         # A digest that fits vouches for the text, whatever else of the lock is damaged.
-        if hashlib.sha256(text.encode()).hexdigest() == lock.get("campaign_sha256"):
+        if hashlib.sha256(text.encode()).hexdigest() in [lock.get("campaign_sha256") for lock in locks]:
             return parse_campaign(text, str(layout.campaign), layout.inputs)
     for text in texts if any(damage.kind == "lock" for damage in damages) else ():
         campaign = _parsed(text, layout)

@@ -35,7 +35,10 @@ REFUSED = {
         [("[10.0]", "[10.0, 20.0]"), ("realisations = 6", "realisations = 9000000")],
         "grid: has 18000000 fields",
     ),
-    "more files than a disk likes": ([("realisations = 6", "realisations = 9000000")], "grid: the results would be 9000000"),
+    "more files than a disk likes": (
+        [("realisations = 6", "realisations = 9000000")],
+        "grid: the results would be 9000000",
+    ),
     "background that the instrument does not grant": (
         [('name = "gauss_se"', 'name = "gauss_se"\nparams = { background = "granted" }')],
         'method[0].params.background: "granted" needs an instrument that grants',

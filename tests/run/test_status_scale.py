@@ -82,7 +82,7 @@ def test_a_field_that_cannot_be_drawn_is_missing_for_every_method(tmp_path: Path
 
 
 def test_a_quarantined_task_is_a_failure_of_each_of_its_fields(tmp_path: Path) -> None:
-    entry = {"event": "quarantine", "cell": CELL.label, "start": 10, "stop": 13, "keys": [KEYS["M"]],
+    entry = {"event": "quarantine", "at": ago(0), "cell": CELL.label, "start": 10, "stop": 13, "keys": [KEYS["M"]],
              "cause": "crash", "error": "died", "replay": "replay 10"}  # fmt: skip
     state = run_status(run_dir(tmp_path / "run", entry))
     assert failed(state) == [("M", 10), ("M", 11), ("M", 12)]

@@ -140,6 +140,15 @@ def test_a_lost_or_garbled_file_around_the_store_is_made_again(root: Path, name:
     assert verify_run(root).sound
 
 
+def test_campaign_and_lock_that_were_swapped_are_swapped_back(root: Path) -> None:
+    whole = contents(root)
+    (root / "campaign.toml").write_bytes(whole["campaign.lock.json"])
+    (root / "campaign.lock.json").write_bytes(whole["campaign.toml"])
+
+    assert repair(root).mended
+    assert but_journals(contents(root)) == but_journals(whole)
+
+
 @pytest.mark.parametrize("bit", range(0, 48, 7))
 def test_a_flipped_bit_around_the_store_is_put_right(root: Path, bit: int) -> None:
     whole = contents(root)
@@ -289,6 +298,18 @@ def test_a_repair_waits_for_no_other_process_and_a_check_needs_no_lock(root: Pat
         assert verify_run(root).sound
         with pytest.raises(RunLocked):
             repair(root)
+
+
+def test_a_published_run_without_its_store_is_left_as_it_is(root: Path) -> None:
+    shutil.rmtree(root / "store")
+    (root / "manifest.jsonl").unlink()
+    (root / "tables" / "completeness.csv").write_text("damaged")
+    before = contents(root)
+
+    assert {damage.kind for damage in verify_run(root).damages} == {"manifest", "table"}
+    with pytest.raises(DamagedStore, match="has nothing stored"):
+        repair(root)
+    assert contents(root) == before
 
 
 @pytest.mark.parametrize("name", ["nowhere", "a file", "a folder"])

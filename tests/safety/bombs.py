@@ -103,6 +103,7 @@ def _extensions(n_cards: int, n_units: int) -> bytes:
 
 NETWORK = ('label = "G"', 'params = { stellarity_network = "big.nnw" }')
 IMAGE = (OLD_SKY, 'kind = "image"\npath = "big.fits"\nscale_arcsec = 4.0')
+WIDE = ("n_pix = 128", "n_pix = 512\nscale_arcsec = 8.0\nvignetting = false")
 THOUSAND = [float(number + 1) for number in range(1000)]
 NESTED_KEY = "\n".join(f"a{number}." + "a." * 28 + "a = 1" for number in range(1400))
 
@@ -137,6 +138,14 @@ CAMPAIGNS: dict[str, tuple[Builder, str]] = {
     "photons without number": (
         _campaign(("n_pix = 128", "n_pix = 128\nbackground_cps_per_pix = { soft = 1e300 }")),
         "5e+07",
+    ),
+    "files of more sources than memory": (
+        _campaign(WIDE, ("1e-15", "1e-16"), ("_file = 4", "_file = 9999")),
+        "store.realisations_per_file: gives",
+    ),
+    "links of everything with everything": (
+        _campaign(WIDE, ("1e-15", "1e-17"), ("counts_min = 10", "counts_min = 10\nlink_radius_arcsec = 3600.0")),
+        "match.link_radius_arcsec: gives",
     ),
     "a power of a power": (_campaign(("[10.0]", '["1 10^1000000000 s"]')), "must be a time"),
     "a power in brackets": (_campaign(("[10.0]", '["1 (10**999999999)**999999999 s"]')), "must be a time"),

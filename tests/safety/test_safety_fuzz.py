@@ -12,7 +12,7 @@ from watched import Tally, names_campaign_place, names_file
 from survey_mc.campaign import load_campaign
 from survey_mc.fits import read_counts_image, read_sky_image
 
-N_CAMPAIGNS, N_FITS = 400, 150
+N_CAMPAIGNS, N_FITS = 300, 100
 
 
 def test_mutated_campaigns_are_refused_with_file_and_place(tmp_path: Path) -> None:

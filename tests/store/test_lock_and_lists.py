@@ -57,6 +57,14 @@ def test_every_flipped_bit_of_a_lock_is_seen_and_none_is_read(root: Path) -> Non
             RunData(root)
 
 
+def test_a_damaged_lock_is_no_witness_against_the_campaign(root: Path) -> None:
+    path = root / "campaign.lock.json"
+    sha256 = json.loads(path.read_text())["campaign_sha256"]
+    path.write_text(path.read_text().replace(sha256, "0" * 64))
+
+    assert found(root) == [("lock", "campaign.lock.json")]
+
+
 def test_a_lock_without_digest_must_have_its_entries_and_its_form(tmp_path: Path) -> None:
     path = older_run("without_checksums", tmp_path) / "campaign.lock.json"
     content = json.loads(path.read_text())
@@ -148,6 +156,15 @@ def test_what_nobody_knows_is_named_in_every_folder_of_the_run_and_nowhere_else(
     assert sorted(path for kind, path in found(root) if kind == "leftover") == left
     sweep(layout, Manifest(layout.manifest))
     assert sorted(path for kind, path in found(root) if kind == "leftover") == left[1:3]
+
+
+def test_a_name_that_cannot_be_printed_is_shown_and_found(root: Path) -> None:
+    name = os.fsdecode(b"store/v1/\xff\n\x1b[31m")
+    (root / name).write_text("")
+
+    (damage,) = verify_directory(RunLayout(root), Manifest(root / "manifest.jsonl", tolerant=True))
+    assert (root / damage.path).is_file()
+    assert damage.shown == "store/v1/\\udcff\\n\\x1b[31m"
 
 
 def test_links_pipes_and_folders_in_place_of_files_are_named_and_not_followed(root: Path, tmp_path: Path) -> None:

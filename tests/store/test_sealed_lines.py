@@ -206,6 +206,7 @@ def test_a_changed_letter_of_an_older_manifest_does_not_make_a_later_store_of_it
         "7",
         '{"drop": "/etc/passwd"}',
         record(0, 4).line().replace("links", "../../links").strip(),
+        record(4, 0).line().strip(),
         (opened(record(0, 4).line().strip().encode()) or b"").decode().replace("0000000-0000004", "0000004-0000000"),
         (opened(record(0, 4).line().strip().encode()) or b"").decode().replace('"rows": 5', '"rows": -5'),
         (opened(record(0, 4).line().strip().encode()) or b"").decode().replace('"rows": 5', '"rows": 1e9'),
