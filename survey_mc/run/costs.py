@@ -33,7 +33,7 @@ Stage = tuple[str, str]  # method label (empty: drawing, truth) and draw, detect
 
 @dataclass(slots=True)
 class JournalCosts:
-    """Costs by cell and stage, summed over the tasks of journals; a commit counts for each field and each of its files."""
+    """Costs by cell and stage, summed over the tasks of journals; a commit counts for each field and file of it."""
 
     sums: dict[str, defaultdict[Stage, Cost]] = field(default_factory=dict)
 

@@ -123,7 +123,7 @@ def main() -> int:
                     print(f"plan of {name}, {what}: {said:.4g} of {was:.4g} {unit}; not judged, the machine is busy")
                     continue
                 kept = 1 - BAR <= ratio <= 1 + BAR
-                missed |= verdict(f"plan of {name} ({measured}), {what}", f"{said:.4g} of {was:.4g} {unit}, {ratio:.2f}",
+                missed |= verdict(f"plan of {name} ({measured}), {what}", f"{said:.4g} of {was:.4g} {unit}, {ratio:.2f}",  # noqa: E501
                                   f"within {BAR:.0%}", kept)  # fmt: skip
     return missed
 

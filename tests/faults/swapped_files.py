@@ -2,7 +2,7 @@
 
 Four times --n cases on stored files, and as many on the other files of the run directory (inputs, tables, report, lock,
 manifest); after each, `verify --repair` has to leave every byte as it was, but for inputs, which it cannot compute and
-names. What the run did not make must not be deleted: it is moved to `strays/`. 20 cases of each take about five minutes.
+names. What the run did not make must not be deleted: it is moved to `strays/`. 20 cases of each take five minutes.
 """
 
 from __future__ import annotations

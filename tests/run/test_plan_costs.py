@@ -8,8 +8,8 @@ import pytest
 from small_campaigns import MR1, small
 
 from survey_mc.campaign import Campaign, expand
-from survey_mc.run import plan_campaign, run_campaign
 from survey_mc.run import plan as plan_module
+from survey_mc.run import plan_campaign, run_campaign
 from survey_mc.run.costs import Sample
 from survey_mc.run.engine import write_campaign
 from survey_mc.run.executors import ExecutorChoice
@@ -37,7 +37,7 @@ def journalled(root: Path, campaign: Campaign, stored: int) -> Path:
     for (method, stage), cpu_s in FIELD_S.items():
         n = stored * (n_tables[method] if stage == "commit" else 1)
         costs.append({"method": method, "stage": stage, "fields": n, "cpu_s": cpu_s * n, "wall_s": 99.0})
-    task = {"event": "task", "run": "r", "at": "2026-01-01T00:00:00+00:00", "cell": cell.label, "start": 0, "stop": stored,
+    task = {"event": "task", "run": "r", "at": "2026-01-01T00:00:00+00:00", "cell": cell.label, "start": 0, "stop": stored,  # noqa: E501
             "costs": costs}  # fmt: skip
     (layout.journals / "20260101T000000.000000Z-1.jsonl").write_text(seal_line(task))
     keys = cell.methods[0]
