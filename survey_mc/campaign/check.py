@@ -93,9 +93,9 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
     n_photons = rate_cps * response.exposure_s + float(response.background_edges[-1])
     if not n_photons <= MAX_PHOTONS:
         raise BadInput(
-            f"cell {cell.label}",
-            f"has {n_photons:.3g} photons in a field; at most {MAX_PHOTONS:g} are allowed: a shorter exposure, fainter "
-            "sources or less background",
+            "grid",
+            f"cell {cell.label} has {n_photons:.3g} photons in a field; at most {MAX_PHOTONS:g} are allowed: a shorter "
+            "exposure, fainter sources or less background",
         )
 
 

@@ -19,6 +19,7 @@ from survey_mc.cli.options import (
     print_json,
     refuse_overwriting,
 )
+from survey_mc.cli.say import say
 from survey_mc.errors import EXIT_FAILED_TASKS
 
 if TYPE_CHECKING:
@@ -38,15 +39,13 @@ def validate(campaign: Path, as_json: bool) -> None:
     if as_json:
         print_json({"campaign": loaded.model_dump(mode="json", by_alias=True), "cells": [c.label for c in cells]})
         return
-    click.echo(f"{campaign}: good. {loaded.name}: {loaded.about}")
-    click.echo(
-        f"sky {loaded.sky.kind}, seed {loaded.seed}, {loaded.grid.realisations} realisations of {len(cells)} cells:"
-    )
+    say(f"{campaign}: good. {loaded.name}: {loaded.about}")
+    say(f"sky {loaded.sky.kind}, seed {loaded.seed}, {loaded.grid.realisations} realisations of {len(cells)} cells:")
     for cell in cells:
-        click.echo(f"  {cell.index}  {cell.label}  (input list: more than {cell.counts_min:g} counts)")
+        say(f"  {cell.index}  {cell.label}  (input list: more than {cell.counts_min:g} counts)")
     for choice in loaded.method:
         given = ", ".join(f"{k} = {v!r}" for k, v in choice.params.model_dump().items())
-        click.echo(f"  method {choice.label} ({choice.name}): {given}")
+        say(f"  method {choice.label} ({choice.name}): {given}")
 
 
 @click.command()
@@ -88,15 +87,15 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
             }
         )
         return
-    click.echo(f"{planned.root}: {planned.fields} fields, {planned.fields - planned.to_do} done, {planned.to_do} to do")
+    say(f"{planned.root}: {planned.fields} fields, {planned.fields - planned.to_do} done, {planned.to_do} to do")
     for cell in planned.cells:
-        click.echo(
+        say(
             f"  {cell.label}: {cell.fields - cell.to_do} of {cell.fields} done; to do: "
             f"{human_time(cell.cpu_s)} of CPU, {human_bytes(cell.size_bytes)}"
         )
     for problem in planned.problems:
-        click.echo(f"  fails on the first field: {problem}")
-    click.echo(
+        say(f"  fails on the first field: {problem}")
+    say(
         f"{planned.orders} tasks of up to {planned.block} fields; about {human_time(planned.cpu_s)} of CPU, "
         f"{human_time(wall_s)} with {n_workers} workers, {human_bytes(planned.size_bytes)} in {planned.files} files "
         f"when complete (costs from: {planned.measured})"
@@ -156,18 +155,18 @@ def run(
 
 def _print_summary(campaign: Path, done: RunSummary, page: Path | None) -> None:
     if done.fields == 0 and not done.failed:
-        click.echo(f"{done.root}: nothing to do, everything is stored.")
+        say(f"{done.root}: nothing to do, everything is stored.")
     else:
         causes = ", ".join(f"{number} {cause}" for cause, number in sorted(done.causes.items()))
-        click.echo(
+        say(
             f"{done.root}: {done.fields} fields done; {done.failed} (field, method) pairs in quarantine"
             f"{f' ({causes})' if causes else ''}, {done.skipped} skipped."
         )
     if done.failed:
         where, what = shlex.quote(str(done.root)), shlex.quote(str(campaign))
-        click.echo(f"Causes: survey-mc status {where}   Retry: survey-mc run {what} --retry-failed --out {where}")
+        say(f"Causes: survey-mc status {where}   Retry: survey-mc run {what} --retry-failed --out {where}")
     if page is not None:
-        click.echo(f"Report: {page}")
+        say(f"Report: {page}")
 
 
 @click.command()
@@ -197,7 +196,7 @@ def simulate(campaign: Path, cell: int, realisation: int, out: Path, overwrite: 
         overwrite=overwrite,
     )
     n_photons = int(field.observation.counts.sum())
-    click.echo(f"{out}: {place.label}, realisation {realisation}: {n_photons} photons, {len(field.truth)} true sources")
+    say(f"{out}: {place.label}, realisation {realisation}: {n_photons} photons, {len(field.truth)} true sources")
 
 
 CAMPAIGN_VERBS = (validate, plan, run, simulate)

@@ -19,6 +19,7 @@ from survey_mc.cli.image_verbs import IMAGE_VERBS
 from survey_mc.cli.migrate_verb import migrate
 from survey_mc.cli.paper_verb import paper
 from survey_mc.cli.run_verbs import RUN_VERBS
+from survey_mc.cli.say import say
 from survey_mc.cli.show import show
 from survey_mc.cli.stellarity_verbs import STELLARITY_VERBS
 from survey_mc.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_TERMINATED, BadInput, SurveyError
@@ -87,5 +88,4 @@ def _refuse_undecodable(arguments: list[str]) -> None:
 
 def _say(sentence: str) -> None:
     """One line on stderr; control characters, which a file or a file name may hold, do not reach the terminal."""
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in sentence)
-    click.echo(f"survey-mc: {shown}", err=True)
+    say(f"survey-mc: {sentence}", err=True)

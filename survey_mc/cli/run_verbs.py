@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from survey_mc.cli.options import executor_options, human_rate, human_time, json_option, print_json, run_argument
+from survey_mc.cli.say import say
 from survey_mc.errors import EXIT_DAMAGED_STORE, EXIT_FAILED_TASKS
 
 if TYPE_CHECKING:
@@ -47,27 +48,27 @@ def _print_status(state: RunStatus, as_json: bool) -> None:
     if as_json:
         print_json(state.as_dict())
         return
-    click.echo(f"{state.root}: {state.done} of {state.wanted} (field, method) pairs done, {state.n_failed} failed")
+    say(f"{state.root}: {state.done} of {state.wanted} (field, method) pairs done, {state.n_failed} failed")
     last = state.last_run
     if last.at_work:
         rate = "" if last.fields_per_s is None else f", {human_rate(last.fields_per_s)}"
         left = "" if last.left_s is None else f", {human_time(last.left_s)} left"
-        click.echo(f"  {last.at_work} is at work: {last.done} of {last.fields} fields{rate}{left}")
+        say(f"  {last.at_work} is at work: {last.done} of {last.fields} fields{rate}{left}")
     for cell, method, done, wanted in state.rows:
-        click.echo(f"  {cell} / {method}: {done} of {wanted}")
+        say(f"  {cell} / {method}: {done} of {wanted}")
     if state.cpu_s:
         spent = (f"{name or 'drawing'} {human_time(seconds)}" for name, seconds in state.cpu_s.items())
-        click.echo(f"  CPU so far: {', '.join(spent)}")
+        say(f"  CPU so far: {', '.join(spent)}")
     shown = state.first_failures[:10]
     for failure in shown:
         place = f"{failure['cell']} / {failure['method'] or 'drawing'} / realisation {failure['realisation']}"
         more = f", the first of {failure['n']}" if failure["n"] > 1 else ""
-        click.echo(f"  failed ({failure['cause']}{more}): {place}: {failure['error']}")
-        click.echo(f"          {failure['replay']}")
+        say(f"  failed ({failure['cause']}{more}): {place}: {failure['error']}")
+        say(f"          {failure['replay']}")
     if state.n_failed > len(shown):
-        click.echo(f"  {state.n_failed} in all (--json lists them)")
+        say(f"  {state.n_failed} in all (--json lists them)")
     for reason, number in state.skips.items():
-        click.echo(f"  skipped {number} times: {reason}")
+        say(f"  skipped {number} times: {reason}")
 
 
 @click.command()
@@ -76,7 +77,7 @@ def report(run: Path) -> None:
     """Make tables, figures and report/index.html (also made at the end of `run`)."""
     from survey_mc.report import make_report
 
-    click.echo(f"Report: {make_report(run)}")
+    say(f"Report: {make_report(run)}")
 
 
 @click.command()
@@ -112,14 +113,15 @@ def verify(
                 "replayed": [{"cell": c, "method": m, "realisation": r} for c, m, r in result.replayed],
                 "differences": result.differences,
                 "repaired": result.repaired is not None,
+                "lacking": result.lacking,
             }
         )
     else:
         for damage in result.damages:
-            click.echo(f"{'left over' if damage.kind == 'leftover' else 'damaged'}: {damage.path}: {damage.about}")
+            say(f"{'left over' if damage.kind == 'leftover' else 'damaged'}: {damage.path}: {damage.about}")
         for sentence in result.differences:
-            click.echo(f"differs: {sentence}")
-        click.echo(
+            say(f"differs: {sentence}")
+        say(
             f"{result.files} files checked, {result.n_damaged} damaged"
             + (
                 f"; {len(result.replayed)} fields computed again, {len(result.differences)} tables differ"
@@ -128,10 +130,11 @@ def verify(
             )
             + ("; repaired" if result.repaired is not None else "")
         )
+        if result.lacking:
+            say(f"{result.lacking} (field, method) pairs of the campaign are not stored; `survey-mc status` says why")
         if result.n_damaged and not repair:
-            click.echo(f"Repair: survey-mc verify {shlex.quote(str(run))} --repair", err=True)
-    mended = result.repaired is not None and result.repaired.complete and not result.differences
-    return 0 if result.sound or mended else EXIT_DAMAGED_STORE
+            say(f"Repair: survey-mc verify {shlex.quote(str(run))} --repair", err=True)
+    return 0 if result.sound or result.mended else EXIT_DAMAGED_STORE
 
 
 @click.command()
@@ -153,7 +156,7 @@ def replay(run: Path, cell: int, realisation: int, label: str | None) -> None:
         statuses = found[found["rule"] == campaign.match.rule]["status"].value_counts().sort_index()
         text = ", ".join(f"{number} {name}" for name, number in statuses.items())
         where = f"{place.label} / {chosen} / realisation {realisation}"
-        click.echo(f"{where}: {len(again.detections)} detections: {text}")
+        say(f"{where}: {len(again.detections)} detections: {text}")
 
 
 RUN_VERBS = (status, report, verify, replay)

@@ -10,6 +10,8 @@ from survey_mc.report.html import report_page
 from survey_mc.report.source import RunSource
 from survey_mc.report.tables import WriteFrame, build_tables, table_files
 from survey_mc.store.digest_list import forget_digests, write_digests
+from survey_mc.store.files import write_whole
+from survey_mc.store.layout import RunLayout
 
 PAGE = "index.html"
 
@@ -26,6 +28,7 @@ def build_report(
     out_dir: the run directory, or another one. pictures: of one field. campaign_text: the campaign file as written;
     None reads `out_dir/campaign.toml` if there is one. Returns the path of the page.
     """
+    RunLayout(out_dir).refuse_linked_folders()
     tables = build_tables(source, out_dir, write_frame)
     if campaign_text is None:
         campaign_file = out_dir / "campaign.toml"
@@ -36,16 +39,9 @@ def build_report(
     folder = out_dir / "report"
     folder.mkdir(parents=True, exist_ok=True)
     for figure in (*figures, *pictures.figures):
-        _write(folder / f"{figure.name}.png", figure.png)
+        write_whole(folder / f"{figure.name}.png", figure.png)
     page = report_page(source, tables, figures, pictures, campaign_text)
-    _write(folder / PAGE, page.encode("utf-8"))
+    write_whole(folder / PAGE, page.encode("utf-8"))
     drawn = [folder / f"{figure.name}.png" for figure in (*figures, *pictures.figures)]
     write_digests(out_dir, [*table_files(out_dir), *drawn, folder / PAGE])
     return folder / PAGE
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Whole or not at all."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_bytes(content)
-    temporary.replace(path)

@@ -16,6 +16,7 @@ from survey_mc.report.source import RunSource
 from survey_mc.report.table_columns import CPU_SECONDS, TABLES
 from survey_mc.report.table_parts import Part, Parts, declared
 from survey_mc.store.digest_list import forget_digests, write_digests
+from survey_mc.store.files import write_whole
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -78,6 +79,4 @@ def write_csv(path: Path, table: Table, frame: DataFrame) -> None:
         unit = f" [{column.unit}]" if column.unit else ""
         lines.append(f"# {column.name}{unit}: {column.about}")
     rows = frame[list(table.names)].to_csv(index=False, na_rep="nan", lineterminator="\n")
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text("\n".join(lines) + "\n" + rows, encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, ("\n".join(lines) + "\n" + rows).encode())

@@ -6,8 +6,6 @@ Idea     the driver only hands out orders and writes the manifest and the journa
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -30,6 +28,8 @@ from survey_mc.run.pack import drop_superseded, pack_shard, sweep
 from survey_mc.run.suspects import equipped, find_suspects
 from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock
+from survey_mc.store.files import is_plain, temporary_path, what_it_is, write_whole
+from survey_mc.store.lock_file import lock_text, loose_content
 
 RESULTS_FOLDER = "results"
 
@@ -171,19 +171,17 @@ def pack_all(
 
 def refuse_foreign(campaign: Campaign, layout: RunLayout) -> None:
     """Raise `BadInput` for a folder that holds the run of another campaign, or files that a run would overwrite."""
-    if layout.lock_file.is_file():
-        try:
-            name = json.loads(layout.lock_file.read_text(encoding="utf-8"))["name"]
-        except (ValueError, KeyError, TypeError):
-            return  # damaged, and about to be written again
+    if what_it_is(layout.lock_file):
+        name = loose_content(layout.lock_file)[0].get("name", campaign.name)  # if damaged, it is about to be replaced
         if name != campaign.name:
             raise BadInput(
                 str(layout.root), f"holds a run of the campaign {name!r}, not of {campaign.name!r}; give another --out"
             )
         return
-    if layout.campaign.is_file() and layout.campaign.read_bytes() == campaign.text.encode():
+    if is_plain(layout.campaign) and layout.campaign.read_bytes() == campaign.text.encode():
         return
-    taken = [p.name for p in (layout.campaign, layout.manifest, layout.store.parent, layout.journals) if p.exists()]
+    parts = (layout.campaign, layout.manifest, layout.store.parent, layout.journals)
+    taken = [path.name for path in parts if what_it_is(path)]
     if taken:
         raise BadInput(str(layout.root), f"is no run directory and has a {taken[0]} already; give another --out")
 
@@ -194,26 +192,31 @@ def write_campaign(campaign: Campaign, layout: RunLayout) -> None:
         raise SurveyError(
             "a campaign made in Python must be given as TOML text (parse_campaign) so that it can be kept"
         )
-    lock_text = json.dumps(lock_content(campaign), indent=1, sort_keys=True) + "\n"
     _replace(layout.campaign, campaign.text)
     for path in campaign.input_digests:
-        copy = layout.root / "inputs" / path
-        source = resolve_input(path, campaign.folder, "campaign")
-        if not (copy.exists() and copy.samefile(source)):
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, copy)
-    _replace(layout.lock_file, lock_text)
+        _copy_input(layout, path, resolve_input(path, campaign.folder, "campaign"))
+    _replace(layout.lock_file, lock_text(lock_content(campaign)))
 
 
 def _replace(path: Path, text: str) -> None:
-    if path.exists() and path.read_text(encoding="utf-8") == text:
+    if not (is_plain(path) and path.read_bytes() == text.encode()):
+        write_whole(path, text.encode())
+
+
+def _copy_input(layout: RunLayout, path: str, source: Path) -> None:
+    copy = layout.inputs / path
+    if is_plain(copy) and copy.samefile(source):
         return
-    temporary = path.with_name(f".{path.name}.tmp")
-    with temporary.open("w", encoding="utf-8", newline="") as handle:
-        handle.write(text)
-        handle.flush()
-        os.fsync(handle.fileno())
-    temporary.replace(path)
+    for folder in copy.relative_to(layout.root).parents:
+        if what_it_is(layout.root / folder) == "a link":
+            raise BadInput(str(layout.root / folder), "is a link, and a run writes nothing outside its directory")
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    temporary = temporary_path(copy)
+    try:
+        shutil.copyfile(source, temporary)
+        temporary.replace(copy)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _summary(

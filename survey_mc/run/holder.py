@@ -14,6 +14,7 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 
+from survey_mc.files import open_regular
 from survey_mc.store import RunLayout
 
 LOCK_LIST = Path("/proc/locks")
@@ -37,11 +38,11 @@ class Holder:
 def holder(layout: RunLayout) -> Holder | None:
     """Who holds the run directory, None if nobody does."""
     try:
-        with layout.process_lock.open("rb") as handle:
+        with open_regular(layout.process_lock) as handle:
             named = json.loads(handle.read(MAX_BYTES))
             inode = os.fstat(handle.fileno()).st_ino
         pid, host = int(named["pid"]), str(named["host"])[:80]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     if host != socket.gethostname():
         return Holder(pid, host, is_certain=False)

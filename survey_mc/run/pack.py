@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from survey_mc.errors import DamagedStore
 from survey_mc.run.work import Range
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_stored
-from survey_mc.store.files import entries
+from survey_mc.store.files import entries, what_it_is
+from survey_mc.store.manifest import REMEDY
 from survey_mc.store.replacement import finish_replacements
 from survey_mc.store.strays import is_committed_name, unfinished_writes
 
@@ -76,3 +78,7 @@ def sweep(layout: RunLayout, manifest: Manifest) -> None:
         piece = Piece.from_path(relative)
         if piece is not None and piece not in manifest:
             (layout.root / relative).unlink(missing_ok=True)
+        elif piece is None and what_it_is(layout.root / relative) == "a link":
+            raise DamagedStore(
+                f"{layout.root / relative}: is a link, and a run writes nothing outside its directory; {REMEDY}"
+            )

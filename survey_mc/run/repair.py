@@ -54,7 +54,8 @@ def mend(layout: RunLayout, manifest: Manifest, damages: Sequence[Damage]) -> Me
             "its campaign file makes it again"
         )
     mended = Mended(_campaign_of(layout, manifest, damages), tables=any(d.kind == "table" for d in damages))
-    for damage in damages:
+    # Strangers first: behind a link among them lies what is not ours.
+    for damage in sorted(damages, key=lambda damage: damage.kind != "extra"):
         _remove(layout, damage)
     if any(damage.kind in ("lock", "campaign") for damage in damages):
         text = mended.campaign.text.encode()

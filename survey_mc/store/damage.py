@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from survey_mc.shown import shown
 from survey_mc.store.layout import Piece
 
 Kind = Literal[
@@ -44,4 +45,4 @@ class Damage:
     @property
     def shown(self) -> str:
         """The path as it can be printed, whatever somebody has named his file."""
-        return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in self.path)
+        return shown(self.path)

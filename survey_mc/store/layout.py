@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from survey_mc.store.files import entries
+from survey_mc.errors import BadInput
+from survey_mc.store.files import entries, what_it_is
 
 StoredTable = Literal["truth", "detections", "matches", "links"]
 STORED_TABLES: tuple[StoredTable, ...] = ("truth", "detections", "matches", "links")
@@ -128,6 +129,16 @@ class RunLayout:
     @property
     def process_lock(self) -> Path:
         return self.root / ".lock"
+
+    def refuse_linked_folders(self) -> None:
+        """Raise `BadInput` if one of the run's own folders is a link: what is written or tidied must lie in the run."""
+        for name in OWN_FOLDERS:
+            if what_it_is(self.root / name) == "a link":
+                raise BadInput(
+                    str(self.root / name),
+                    "is a link, and a run writes nothing outside its directory; put the whole run directory on the "
+                    "other disk",
+                )
 
     def piece_files(self) -> Iterator[str]:
         """Relative paths of everything below the store that is no folder, whoever put it there, in order."""

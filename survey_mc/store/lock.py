@@ -23,6 +23,7 @@ from survey_mc.store.layout import RunLayout
 def run_lock(layout: RunLayout) -> Iterator[None]:
     """Hold the run directory for writing; raises `RunLocked` at once if another process holds it."""
     layout.root.mkdir(parents=True, exist_ok=True)
+    layout.refuse_linked_folders()
     found = what_it_is(layout.process_lock)
     if found not in ("", "a file"):
         raise BadInput(str(layout.process_lock), f"is {found}, not a file; remove it if no run is going on")
@@ -44,6 +45,6 @@ def _holder_sentence(layout: RunLayout, content: bytes) -> str:
     try:
         holder = json.loads(content)
         who = f"process {int(holder['pid'])} on {str(holder['host'])[:80]}"
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         who = "another process"
     return f"{layout.root}: {who} is writing to this run directory; wait for it, stop it, or give another --out"

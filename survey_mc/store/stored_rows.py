@@ -111,7 +111,7 @@ def _opened(layout: RunLayout, record: Record) -> pq.ParquetFile:
 
 def _rows(file: pq.ParquetFile, where: str, columns: Sequence[str] | None = None) -> DataFrame:
     try:
-        return file.read(columns=list(columns) if columns else None, use_threads=False).to_pandas()
+        return file.read(columns=list(columns) if columns else None, use_threads=False).to_pandas(ignore_metadata=True)
     except (OSError, pa.ArrowException) as problem:
         raise DamagedStore(f"{where}: cannot be read ({str(problem)[:120]}); {REMEDY}") from None
 

@@ -23,11 +23,11 @@ REFUSED = {
     "hundreds of millions of sources": ([WIDE, ("1e-15", "1e-18")], "sky.flux_min_cgs: gives"),
     "more photons than memory": (
         [("n_pix = 128", "n_pix = 128\nbackground_cps_per_pix = { soft = 1e3 }")],
-        "cell xmm_epic-soft-10ks: has 1.48e+11 photons",
+        "grid: cell xmm_epic-soft-10ks has 1.48e+11 photons",
     ),
     "infinitely many photons": (
         [(SKY, 'kind = "flux_grid"\nfluxes_cgs = [1e300]\nradius_arcmin = 4.0')],
-        "cell xmm_epic-soft-10ks: has inf photons",
+        "grid: cell xmm_epic-soft-10ks has inf photons",
     ),
     "grid larger than the image": ([(SKY, 'kind = "flux_grid"\nradius_arcmin = 20.0')], "sky.radius_arcmin: must be"),
     "labels of exposures that look the same": ([("[10.0]", "[10.0, 10.0000001]")], "grid: exposure_ks must differ"),

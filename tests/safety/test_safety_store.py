@@ -241,15 +241,33 @@ def test_a_folder_of_a_run_that_is_a_link_is_neither_written_nor_tidied(
     assert contents(outside) == before
 
 
-def test_a_repair_takes_nothing_from_a_store_that_lies_elsewhere(run: Path) -> None:
+def test_a_repair_touches_nothing_in_a_store_that_lies_elsewhere(run: Path) -> None:
     outside = run.parent / "outside"
     shutil.move(run / "store", outside / "store")
     (outside / "store" / "thesis.tex").write_text("precious")
     (run / "store").symlink_to(outside / "store")
     before = contents(outside)
 
+    answer = command("verify", run, "--repair", "--serial")
+    assert answer.code == 2
+    assert "is a link" in answer.err
+    assert contents(outside) == before
+
+
+def test_a_repair_deletes_nothing_behind_a_link_within_the_store(run: Path) -> None:
+    outside = run.parent / "outside"
+    (table,) = (run / "store" / "v1" / "truth").iterdir()
+    shutil.move(table, outside / table.name)
+    for path in (outside / table.name).iterdir():
+        path.write_bytes(b"precious")
+    table.symlink_to(outside / table.name)
+    before = contents(outside)
+
+    assert command("run", "c.toml", "--serial", "--no-report", "--out", run).code in (0, 2, 4)
+    assert contents(outside) == before
     assert command("verify", run, "--repair", "--serial").code == 0
     assert contents(outside) == before
+    assert command("verify", run).code == 0
 
 
 IRREGULAR: dict[str, Callable[[Path], object]] = {

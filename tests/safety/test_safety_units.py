@@ -25,6 +25,7 @@ ENDLESS = (
 )  # fmt: skip
 
 
+@pytest.mark.parametrize("words", PLAIN)
 @pytest.mark.filterwarnings("ignore::astropy.units.UnitsWarning")
 def test_a_plain_unit_is_that_of_astropy(words: str) -> None:
     assert unit_from_text(words) == units.Unit(words)
