@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -20,12 +21,16 @@ _LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", 
 
 def library_versions() -> dict[str, str]:
     """Versions of everything that a result may depend on, packages with procedures of their own among them."""
+    return _own_versions() | DETECTORS.packages
+
+
+@cache
+def _own_versions() -> dict[str, str]:
     return {
         "survey_mc": __version__,
         "python": platform.python_version(),
         "machine": platform.machine(),
         **{name: version(name) for name in _LIBRARIES},
-        **DETECTORS.packages,
     }
 
 

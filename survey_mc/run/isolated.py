@@ -16,7 +16,8 @@ import sys
 import threading
 import uuid
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import IO, Any
 
 from survey_mc.errors import SurveyError
@@ -69,7 +70,8 @@ def _in_child(order: Order, where: str) -> Outcome | tuple[int, Death]:
     name = f"alone-{uuid.uuid4().hex}"
     wanted, answer = folder / f"{name}.order.json", folder / f"{name}.outcome.json"
     wanted.write_text(json.dumps(order_content(order) | {"name": name}), encoding="utf-8")
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+    # It imports what this process imports, from the current folder only if this one does.
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)}
     command = [sys.executable, "-P", "-m", "survey_mc.run.lone_field", str(wanted), str(answer)]
     n_steps = 1 + 2 * len({*order.detect, *order.match})
     patience_s = (order.limits.seconds * 1.2 + COMPILATION_SECONDS) * n_steps + GRACE_SECONDS
@@ -92,10 +94,10 @@ def _in_child(order: Order, where: str) -> Outcome | tuple[int, Death]:
         if child.returncode == 0 and answer.is_file():
             return _outcome(json.loads(answer.read_text(encoding="utf-8")), where)
         death = next(deaths(folder, name), None)
-        if death is None or not death.trace:
-            place, note = (death.place, death.note) if death else (None, wanted)
-            death = Death(place, False, b"".join(said).decode("utf-8", errors="replace")[-TRACE_CHARACTERS:], note)
-        return child.returncode, death
+        words = b"".join(said).decode("utf-8", errors="replace")[-TRACE_CHARACTERS:]
+        if death is None:
+            raise RuntimeError(f"{where}: {_exit_text(child.returncode)} before it was at any field: {words[-400:]}")
+        return child.returncode, death if death.trace else replace(death, trace=words)
     finally:
         for path in folder.glob(f"{name}.*"):
             path.unlink(missing_ok=True)

@@ -16,7 +16,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -115,7 +115,6 @@ def _meet(campaign: Campaign) -> None:
 
 
 _one_at_a_time = threading.Lock()
-_library_versions = cache(library_versions)
 
 
 def run_task(order: Order) -> Outcome:
@@ -195,7 +194,7 @@ def _peak_mb() -> float:
 
 def _refuse_other_versions(order: Order) -> None:
     """Results are promised for one set of versions; a worker may have joined after the run began."""
-    here = _library_versions()
+    here = library_versions()
     for name, version in order.versions.items():
         if here.get(name) != version:
             raise SurveyError(

@@ -128,7 +128,9 @@ def test_a_worker_that_joins_later_is_asked_too(tmp_path: Path) -> None:
 def test_no_scheduler_there_is_one_sentence(campaign: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    code, said = finish(start(campaign, tmp_path / "run", "--scheduler", f"tcp://127.0.0.1:{port}", "--no-report"))
+    soon = environment(DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT="1s")
+    options = ("--scheduler", f"tcp://127.0.0.1:{port}", "--no-report")
+    code, said = finish(start(campaign, tmp_path / "run", *options, env=soon))
 
     assert code == 2
     assert said.startswith(f"survey-mc: tcp://127.0.0.1:{port}: no dask scheduler answers there")

@@ -117,6 +117,25 @@ def test_a_new_method_computes_only_itself(tmp_path: Path) -> None:
     assert costs[costs["stage"] == "detect"].groupby("method")["fields"].sum().to_dict() == {"G": 6, "M": 6}
 
 
+def test_a_new_cell_computes_only_itself_and_equals_a_fresh_run(tmp_path: Path) -> None:
+    longer = small(("exposure_ks = [10.0]", "exposure_ks = [10.0, 20.0]"))
+    before = run_serial(small(), tmp_path / "run")
+    times = {path: (tmp_path / "run" / path).stat().st_mtime_ns for path in before if path.endswith(".parquet")}
+
+    assert run_serial(longer, tmp_path / "run") == run_serial(longer, tmp_path / "fresh")
+    assert {path: (tmp_path / "run" / path).stat().st_mtime_ns for path in times} == times
+    costs = open_run(tmp_path / "run").journal()
+    assert costs[costs["stage"] == "draw"].groupby("cell")["fields"].sum().tolist() == [6, 6]
+
+
+def test_comments_and_the_order_of_keys_change_no_file(tmp_path: Path) -> None:
+    other = small(("n_pix = 128\nfield_of_view = false", "field_of_view = false # all of it\nn_pix = 128"))
+    before = run_serial(small(), tmp_path / "run")
+
+    assert run_campaign(other, tmp_path / "run", SERIAL).fields == 0
+    assert data_files(tmp_path / "run") == before
+
+
 def test_another_matching_radius_detects_nothing_again_and_equals_a_fresh_run(tmp_path: Path) -> None:
     wider = small(("counts_min = 10", "counts_min = 10\nradius_arcsec = 12.0"))
     run_serial(small(), tmp_path / "run")

@@ -15,6 +15,7 @@ from small_campaigns import MR1, small
 
 from survey_mc.campaign import Campaign, Cell, expand
 from survey_mc.run import open_run
+from survey_mc.run.digest import LatestStart
 from survey_mc.run.engine import write_campaign
 from survey_mc.run.status import RunStatus, run_status
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, run_lock
@@ -127,10 +128,18 @@ def test_a_run_that_goes_on_tells_its_rate_and_when_it_ends(tmp_path: Path) -> N
     assert last.at_work == f"process {os.getpid()} on {socket.gethostname()}"
     assert (last.done, last.fields, last.workers) == (400, 1000, 2)
     assert last.fields_per_s == pytest.approx(400 / 80)
-    # 600 more at 5/s, and 20 s have passed since the latest entry (the test itself takes less than 20 s)
-    assert 80.0 < (last.left_s or 0.0) <= 100.0
+    assert last.left_s is not None
+    assert 0.0 <= last.left_s <= 100.0
     after = run_status(root).last_run
     assert (after.at_work, after.left_s, after.is_over) == ("", None, False)
+
+
+def test_the_end_is_foreseen_at_the_rate_so_far() -> None:
+    latest = LatestStart(ago(100), "serial", 1, 1000, ago(20), done=400)
+    assert latest.left_s(NOW) == pytest.approx(600 / 5 - 20)
+    assert latest.left_s(NOW + timedelta(hours=1)) == 0.0
+    latest.latest_at = ago(200)  # a clock was put back
+    assert (latest.elapsed_s, latest.fields_per_s, latest.left_s(NOW)) == (0.0, None, None)
 
 
 def test_what_a_killed_process_left_in_the_lock_is_nobody_at_work(tmp_path: Path) -> None:

@@ -40,10 +40,10 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder on the path of Python; what the registry knew of plug-ins is forgotten."""
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(DETECTORS, "plugins", Plugins(GROUP, "detector", Detector, record_problem))
-    before = set(sys.modules)
     yield tmp_path
-    for name in set(sys.modules) - before:
-        del sys.modules[name]
+    for name, module in list(sys.modules.items()):
+        if (getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +58,8 @@ class DaskExecutor:
         waiting: dict[Any, tuple[Order, int]] = {}
 
         def submit(order: Order, times: int = 1) -> None:
-            future = self.client.submit(run_task, order, pure=False)
+            with _reached():
+                future = self.client.submit(run_task, order, pure=False)
             waiting[future] = order, times
             future.add_done_callback(finished.put)
 
@@ -107,10 +109,23 @@ def _result(future: Any) -> Outcome | Exception:
     """What a finished future holds; raises where it was lost with its scheduler."""
     if future.status in ("cancelled", "lost"):
         raise _lost_scheduler()
-    problem = future.exception() if future.status != "finished" else None
-    result = problem if problem is not None else future.result()
-    future.release()
+    with _reached():
+        problem = future.exception() if future.status != "finished" else None
+        result = problem if problem is not None else future.result()
+        future.release()
     return result  # type: ignore[no-any-return]
+
+
+@contextmanager
+def _reached() -> Iterator[None]:
+    """What dask itself raises, while it asks the scheduler, is a lost scheduler."""
+    from distributed import CancelledError
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (OSError, CancelledError, ClosedClientError):
+        raise _lost_scheduler() from None
 
 
 def _is_death(result: Outcome | Exception) -> bool:

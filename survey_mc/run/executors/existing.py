@@ -21,8 +21,12 @@ CONNECT_TIMEOUT_S = 10
 @contextmanager
 def existing_cluster(address: str | None, file: Path | None) -> Iterator[Client]:
     """A client of the scheduler at an address or of a scheduler file; `BadInput` if none answers."""
+    import dask
+    from dask.utils import parse_timedelta
     from distributed import Client
 
+    # Who has told dask to wait less long means it.
+    timeout_s = min(CONNECT_TIMEOUT_S, parse_timedelta(dask.config.get("distributed.comm.timeouts.connect", "30s")))
     where = address or str(file)
     # A lost scheduler is one sentence of ours, not pages of its reconnection attempts.
     for name in ("distributed", "distributed.client"):
@@ -31,9 +35,9 @@ def existing_cluster(address: str | None, file: Path | None) -> Iterator[Client]
         if file is not None:
             if not file.is_file():
                 raise BadInput(where, "there is no such scheduler file")
-            client = Client(scheduler_file=str(file), timeout=CONNECT_TIMEOUT_S)
+            client = Client(scheduler_file=str(file), timeout=timeout_s)
         else:
-            client = Client(address, timeout=CONNECT_TIMEOUT_S)
+            client = Client(address, timeout=timeout_s)
     except (OSError, ValueError, KeyError) as problem:
         raise BadInput(where, f"no dask scheduler answers there ({str(problem)[:120]})") from None
     with client:
