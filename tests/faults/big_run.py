@@ -48,6 +48,7 @@ realisations_per_file = {per_file}
 """
 SHARDS_COMPUTED = 4
 LINES_AT_ONCE = 500
+IN_A_ROW = 10
 
 
 def tiny_campaign(n_realisations: int, per_file: int = 64, name: str = "tiny") -> Campaign:
@@ -57,11 +58,12 @@ def tiny_campaign(n_realisations: int, per_file: int = 64, name: str = "tiny") -
 
 
 def make_big_run(root: Path, n_realisations: int, per_file: int = 64, n_failures: int = 0) -> Path:
-    """A finished run of `n_realisations` tiny fields; n_failures of them failed in their procedure, evenly spread."""
+    """A finished run of `n_realisations` tiny fields; some failed in their procedure, ten in a row each."""
     campaign = tiny_campaign(n_realisations, per_file)
     n_computed = min(n_realisations, SHARDS_COMPUTED * per_file)
     run_campaign(tiny_campaign(n_computed, per_file), root, ExecutorChoice(serial=True))
-    failed = set(range(0, n_realisations, max(n_realisations // n_failures, 1))) if n_failures else set()
+    rows = range(0, n_realisations, max(n_realisations * IN_A_ROW // n_failures, IN_A_ROW)) if n_failures else ()
+    failed = {first + n for first in rows for n in range(IN_A_ROW)}
     _multiply(campaign, RunLayout(root), n_realisations, per_file, failed)
     write_campaign(campaign, RunLayout(root))
     return root
