@@ -16,7 +16,7 @@ from survey_mc.errors import EXIT_DAMAGED_STORE, EXIT_FAILED_TASKS
 if TYPE_CHECKING:
     from survey_mc.run import FieldLimits
     from survey_mc.run.executors import ExecutorChoice
-    from survey_mc.run.status import RunStatus
+    from survey_mc.run.status.state import RunStatus
 
 
 @click.command()
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @json_option
 def status(run: Path, watch: float | None, as_json: bool) -> int:
     """Say what is done, how fast it goes on, what failed (the first errors) and what was skipped (with the reason)."""
-    from survey_mc.run.status import run_status
+    from survey_mc.run.status.state import run_status
 
     state = run_status(run)
     while watch is not None and state.last_run.at_work and state.done < state.wanted:

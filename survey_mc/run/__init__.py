@@ -3,11 +3,11 @@
 from survey_mc.run.engine import RunSummary, run_campaign
 from survey_mc.run.harvest import Progress
 from survey_mc.run.image import ImageDetections, detect_image
-from survey_mc.run.limits import FieldLimits
 from survey_mc.run.opened import Run, open_run
-from survey_mc.run.plan import CampaignPlan, plan_campaign
+from survey_mc.run.plan.campaign_plan import CampaignPlan, plan_campaign
+from survey_mc.run.quarantine.limits import FieldLimits
 from survey_mc.run.simulate import simulate_field
-from survey_mc.run.verify import VerifyResult, verify_run
+from survey_mc.run.verify.check import VerifyResult, verify_run
 
 __all__ = [
     "CampaignPlan",

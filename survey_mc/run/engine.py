@@ -16,16 +16,16 @@ from survey_mc.campaign import Campaign, Cell, expand, load_campaign, lock_conte
 from survey_mc.campaign.inputs import resolve_input
 from survey_mc.campaign.lock import library_versions
 from survey_mc.errors import BadInput, SurveyError
-from survey_mc.run.attempts import forget
 from survey_mc.run.disk import disk_sentence, is_disk_problem
 from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.gaps import Gaps, known_gaps
 from survey_mc.run.harvest import Harvest, Progress
 from survey_mc.run.journal import Journal
-from survey_mc.run.limits import FieldLimits
-from survey_mc.run.pace import Pace, block_size
 from survey_mc.run.pack import drop_superseded, pack_shard, sweep
-from survey_mc.run.suspects import equipped, find_suspects
+from survey_mc.run.plan.pace import Pace, block_size
+from survey_mc.run.quarantine.attempts import forget
+from survey_mc.run.quarantine.limits import FieldLimits
+from survey_mc.run.quarantine.suspects import equipped, find_suspects
 from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock
 from survey_mc.store.files import is_plain, temporary_path, what_it_is, write_whole

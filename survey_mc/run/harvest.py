@@ -11,8 +11,8 @@ from survey_mc.run.executors import Executor
 from survey_mc.run.gaps import Gaps
 from survey_mc.run.journal import Journal
 from survey_mc.run.order import Order, Outcome
-from survey_mc.run.pace import Pace
 from survey_mc.run.pack import pack_shard
+from survey_mc.run.plan.pace import Pace
 from survey_mc.run.work import families_of
 from survey_mc.store import Manifest, RunLayout
 

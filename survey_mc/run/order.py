@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from survey_mc.campaign import Campaign
-from survey_mc.run.limits import FieldLimits
+from survey_mc.run.quarantine.limits import FieldLimits
 from survey_mc.store import Record
 
 Cause = Literal["exception", "memory", "timeout", "crash"]

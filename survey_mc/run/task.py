@@ -25,10 +25,10 @@ from survey_mc.campaign import Campaign, Cell, CellMethod, draw_field, expand
 from survey_mc.campaign.lock import library_versions
 from survey_mc.columns import Table
 from survey_mc.errors import SurveyError
-from survey_mc.run.attempts import AttemptNote, FieldTimeout, Place, deaths
-from survey_mc.run.isolated import timeout_failure, timeout_text, try_alone
-from survey_mc.run.limits import COMPILATION_SECONDS, FieldLimits, limited_memory
 from survey_mc.run.order import Cause, Cost, Failure, Order, Outcome, Suspect
+from survey_mc.run.quarantine.attempts import AttemptNote, FieldTimeout, Place, deaths
+from survey_mc.run.quarantine.isolated import timeout_failure, timeout_text, try_alone
+from survey_mc.run.quarantine.limits import COMPILATION_SECONDS, FieldLimits, limited_memory
 from survey_mc.run.rows import Rows, StoredRows
 from survey_mc.run.stages import detect_on, match_on, stored_truth
 from survey_mc.store import Family, RunLayout

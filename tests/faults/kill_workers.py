@@ -17,7 +17,7 @@ from pathlib import Path
 from fault_tools import finish, hashes, reference, start, verdict, worker_pids, write_campaign
 
 from survey_mc.run import open_run
-from survey_mc.run.status import run_status
+from survey_mc.run.status.state import run_status
 
 
 def main() -> int:

@@ -15,7 +15,7 @@ from fault_tools import finish, start, verdict, write_campaign
 from faulty_detector import METHOD, environment, install_faulty, plant
 
 from survey_mc.campaign import load_campaign
-from survey_mc.run.status import run_status
+from survey_mc.run.status.state import run_status
 
 TIMEOUT_S = 5.0
 FAULTS = {17: "segfault", 40: "exit", 77: "loop", 101: "memory", 150: "exception", 199: "sys.exit"}

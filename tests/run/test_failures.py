@@ -14,7 +14,7 @@ from small_campaigns import MR1, small
 from survey_mc.detect import DETECTORS
 from survey_mc.run import open_run, run_campaign
 from survey_mc.run.executors import ExecutorChoice
-from survey_mc.run.status import run_status
+from survey_mc.run.status.state import run_status
 from survey_mc.types import Observation, Skip
 
 SERIAL = ExecutorChoice(serial=True)

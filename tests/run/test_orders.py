@@ -16,12 +16,12 @@ from small_campaigns import small
 
 from survey_mc.campaign import expand
 from survey_mc.errors import BadInput
-from survey_mc.run.attempts import AttemptNote, Place, deaths, forget
 from survey_mc.run.gaps import Gaps, known_gaps
-from survey_mc.run.limits import FieldLimits, limited_memory
 from survey_mc.run.order import Cost, Outcome
-from survey_mc.run.pace import FIRST_FIELDS, ORDER_SECONDS, Pace, block_size
-from survey_mc.run.suspects import find_suspects
+from survey_mc.run.plan.pace import FIRST_FIELDS, ORDER_SECONDS, Pace, block_size
+from survey_mc.run.quarantine.attempts import AttemptNote, Place, deaths, forget
+from survey_mc.run.quarantine.limits import FieldLimits, limited_memory
+from survey_mc.run.quarantine.suspects import find_suspects
 from survey_mc.run.work import orders
 from survey_mc.store import Manifest, RunLayout
 
@@ -106,8 +106,8 @@ def dead_at(folder: Path, place: Place) -> None:
     script = f"""
 import os
 from pathlib import Path
-from survey_mc.run.attempts import AttemptNote, Place
-from survey_mc.run.limits import FieldLimits
+from survey_mc.run.quarantine.attempts import AttemptNote, Place
+from survey_mc.run.quarantine.limits import FieldLimits
 note = AttemptNote(Path({str(folder)!r}), "order", FieldLimits()).__enter__()
 note.at({place!r})
 os._exit(3)

@@ -8,11 +8,11 @@ import pytest
 from small_campaigns import MR1, small
 
 from survey_mc.campaign import Campaign, expand
-from survey_mc.run import plan as plan_module
 from survey_mc.run import plan_campaign, run_campaign
-from survey_mc.run.costs import Sample
 from survey_mc.run.engine import write_campaign
 from survey_mc.run.executors import ExecutorChoice
+from survey_mc.run.plan import campaign_plan as plan_module
+from survey_mc.run.plan.costs import Sample
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout
 from survey_mc.store.journal_lines import seal_line
 

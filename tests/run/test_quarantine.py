@@ -12,7 +12,7 @@ from faulty_detector import METHOD, environment, install_faulty, journal_events,
 from small_campaigns import TEXT, small
 
 from survey_mc.run import open_run
-from survey_mc.run.status import run_status
+from survey_mc.run.status.state import run_status
 from survey_mc.store import Manifest, RunLayout
 
 COMMAND = [sys.executable, "-c", "from survey_mc.cli import main; main()"]

@@ -15,9 +15,9 @@ from small_campaigns import MR1, small
 
 from survey_mc.campaign import Campaign, Cell, expand
 from survey_mc.run import open_run
-from survey_mc.run.digest import LatestStart
 from survey_mc.run.engine import write_campaign
-from survey_mc.run.status import RunStatus, run_status
+from survey_mc.run.status.digest import LatestStart
+from survey_mc.run.status.state import RunStatus, run_status
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, run_lock
 from survey_mc.store.journal_lines import seal_line
 

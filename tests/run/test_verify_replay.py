@@ -14,7 +14,7 @@ from small_campaigns import MR1, small
 from survey_mc.campaign import expand
 from survey_mc.detect import DETECTORS
 from survey_mc.run import verify_run
-from survey_mc.run.replay_check import StoredFields, sample
+from survey_mc.run.verify.replay import StoredFields, sample
 from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_stored
 from survey_mc.store.files import file_sha256
 

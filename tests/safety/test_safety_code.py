@@ -148,7 +148,11 @@ FORBIDDEN_MODULES = {
     "imp", "urllib", "requests", "http", "ftplib", "telnetlib", "smtplib", "xmlrpc", "numexpr", "jinja2", "mako",
     "subprocess",
 }  # fmt: skip
-SUBPROCESS = {"survey_mc/external/program.py", "survey_mc/run/isolated.py", "survey_mc/report/field_process.py"}
+SUBPROCESS = {
+    "survey_mc/external/program.py",
+    "survey_mc/run/quarantine/isolated.py",
+    "survey_mc/report/field_process.py",
+}
 ENTRY_POINTS = ("first", "self.plugins")  # of installed packages, by their names alone
 PACKAGE = Path(survey_mc.__file__).parent
 

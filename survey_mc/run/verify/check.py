@@ -11,9 +11,9 @@ from survey_mc.campaign import load_run_campaign
 from survey_mc.errors import BadInput, SurveyError
 from survey_mc.run.engine import RunSummary
 from survey_mc.run.executors import ExecutorChoice
-from survey_mc.run.limits import FieldLimits
-from survey_mc.run.repair import compute_again, mend
-from survey_mc.run.replay_check import differences, sample
+from survey_mc.run.quarantine.limits import FieldLimits
+from survey_mc.run.verify.repair import compute_again, mend
+from survey_mc.run.verify.replay import differences, sample
 from survey_mc.store import Damage, Manifest, RunLayout, run_lock, verify_directory
 from survey_mc.store.files import is_plain, set_aside, what_it_is
 from survey_mc.store.lock_file import read_lock

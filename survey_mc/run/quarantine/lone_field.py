@@ -1,4 +1,4 @@
-"""`python -m survey_mc.run.lone_field ORDER.json OUTCOME.json`: one field in a process that may die of it.
+"""`python -m survey_mc.run.quarantine.lone_field ORDER.json OUTCOME.json`: one field in a process that may die of it.
 
 Idea     the other end of `isolated`: reads what is to be done, does it like any worker, writes what came of it. It ends
          with its parent: standard input is a pipe that closes when the parent is gone.
@@ -15,10 +15,10 @@ from typing import Any
 
 from survey_mc.campaign import load_run_campaign
 from survey_mc.errors import SurveyError
-from survey_mc.run.attempts import AttemptNote
-from survey_mc.run.isolated import outcome_content, record_of
-from survey_mc.run.limits import FieldLimits, limited_memory
 from survey_mc.run.order import Order
+from survey_mc.run.quarantine.attempts import AttemptNote
+from survey_mc.run.quarantine.isolated import outcome_content, record_of
+from survey_mc.run.quarantine.limits import FieldLimits, limited_memory
 from survey_mc.run.task import do_order
 from survey_mc.store import RunLayout
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from survey_mc.campaign import Cell
-from survey_mc.run.attempts import deaths, forget
-from survey_mc.run.limits import FieldLimits
 from survey_mc.run.order import Order, Suspect
+from survey_mc.run.quarantine.attempts import deaths, forget
+from survey_mc.run.quarantine.limits import FieldLimits
 from survey_mc.store import RunLayout
 
 Suspects = Mapping[str, list[Suspect]]  # by field key

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from survey_mc.campaign import Campaign, Cell, expand
-from survey_mc.run.costs import JournalCosts, Sample, Stage, sample
 from survey_mc.run.engine import default_run_dir, refuse_foreign
 from survey_mc.run.gaps import known_gaps
 from survey_mc.run.order import Order
-from survey_mc.run.pace import FIRST_FIELDS, ORDER_SECONDS, block_size
+from survey_mc.run.plan.costs import JournalCosts, Sample, Stage, sample
+from survey_mc.run.plan.pace import FIRST_FIELDS, ORDER_SECONDS, block_size
 from survey_mc.run.stages import table_of
 from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Family, Manifest, RunData, RunLayout

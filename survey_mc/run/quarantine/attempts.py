@@ -22,8 +22,8 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
 
-from survey_mc.run.limits import FieldLimits
-from survey_mc.run.watchdog import STDERR, TIMEOUT_MARK, Watchdog
+from survey_mc.run.quarantine.limits import FieldLimits
+from survey_mc.run.quarantine.watchdog import STDERR, TIMEOUT_MARK, Watchdog
 
 PLACE_BYTES = 1024
 TRACE_CHARACTERS = 4000

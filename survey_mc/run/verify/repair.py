@@ -20,9 +20,9 @@ from survey_mc.errors import DamagedStore, SurveyError
 from survey_mc.run.engine import RunSummary, run_campaign, write_campaign
 from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.executors.protocol import Result
-from survey_mc.run.limits import FieldLimits
 from survey_mc.run.order import Order
 from survey_mc.run.pack import sweep
+from survey_mc.run.quarantine.limits import FieldLimits
 from survey_mc.run.work import families_of
 from survey_mc.store import Damage, Family, Manifest, Piece, Record, RunLayout
 from survey_mc.store.files import is_plain, set_aside, what_it_is, write_whole

@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from survey_mc.errors import SurveyError
-from survey_mc.run.attempts import TRACE_CHARACTERS, Death, deaths
-from survey_mc.run.limits import COMPILATION_SECONDS, FieldLimits
 from survey_mc.run.order import CAUSES, Cause, Cost, Failure, Order, Outcome, Suspect
+from survey_mc.run.quarantine.attempts import TRACE_CHARACTERS, Death, deaths
+from survey_mc.run.quarantine.limits import COMPILATION_SECONDS, FieldLimits
 from survey_mc.store import Piece, Record, RunLayout
 
 LINE_BYTES, LINES_KEPT = 4096, 2
@@ -72,7 +72,7 @@ def _in_child(order: Order, where: str) -> Outcome | tuple[int, Death]:
     wanted.write_text(json.dumps(order_content(order) | {"name": name}), encoding="utf-8")
     # It imports what this process imports, from the current folder only if this one does.
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or str(Path.cwd()) for path in sys.path)}
-    command = [sys.executable, "-P", "-m", "survey_mc.run.lone_field", str(wanted), str(answer)]
+    command = [sys.executable, "-P", "-m", "survey_mc.run.quarantine.lone_field", str(wanted), str(answer)]
     n_steps = 1 + 2 * len({*order.detect, *order.match})
     patience_s = (order.limits.seconds * 1.2 + COMPILATION_SECONDS) * n_steps + GRACE_SECONDS
     said: deque[bytes] = deque(maxlen=LINES_KEPT)

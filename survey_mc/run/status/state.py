@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from survey_mc.run.digest import LatestStart, Place, digest
-from survey_mc.run.holder import Holder, holder
 from survey_mc.run.order import Cost
+from survey_mc.run.status.digest import LatestStart, Place, digest
+from survey_mc.run.status.holder import Holder, holder
 from survey_mc.store import RunData
 
 

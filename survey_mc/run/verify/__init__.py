@@ -1,0 +1,1 @@
+"""Is a run what it was, and can it be made so again?"""
