@@ -10,9 +10,9 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
+from survey_mc.caches import bounded_cache
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DetectorParams
 from survey_mc.errors import BadInput
@@ -113,7 +113,7 @@ def _refuse_changed(path: str, digest: str, expected: str) -> None:
         raise BadInput(path, "has changed since the campaign was loaded; load the campaign again")
 
 
-@lru_cache(maxsize=8)
+@bounded_cache(8)
 def _read_image(path: str, digest: str, scale_arcsec: float) -> SkyImage:
     _refuse_changed(path, _digest(Path(path)), digest)
     # What the pixels hold (rate or flux) is the recipe's word; only the numbers are read here.

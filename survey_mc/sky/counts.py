@@ -9,11 +9,11 @@ Limits   1e-18 to 1e-10 erg/cm²/s for the interpolated inverses, whose relative
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray
 
 FLUX_UNIT_CGS = 1e-14  # fluxes inside the differential forms are counted in this unit
@@ -89,7 +89,7 @@ class BrokenPowerLaw:
         return flux
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(16)
 def _branches(counts: BrokenPowerLaw) -> tuple[PowerLaw, PowerLaw, float, float]:
     """The bright and the faint power law, N(>break), and what the faint one needs to meet the bright one there."""
     bright = PowerLaw.differential(counts.bright_norm, counts.bright_slope)
@@ -135,7 +135,7 @@ def _interpolated_flux(counts: MorettiCounts | SumOfCounts, number_per_deg2: Flo
     return np.asarray(np.exp(np.interp(np.log(number_per_deg2), ln_number, ln_flux)))
 
 
-@lru_cache(maxsize=16)
+@bounded_cache(16)
 def _inverse_grid(counts: MorettiCounts | SumOfCounts) -> tuple[FloatArray, FloatArray]:
     """(ln N ascending, ln S) on a fine grid of ln S."""
     n_steps = int(np.log(FLUX_BRIGHTEST_CGS / FLUX_FAINTEST_CGS) / _GRID_STEP) + 1

@@ -8,11 +8,11 @@ Limits   with the field of view switched off, vignetting keeps its value of 15â€
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from survey_mc.caches import bounded_cache
 from survey_mc.errors import BadInput
 from survey_mc.telescope.instruments import INSTRUMENTS, Instrument, InstrumentBand
 from survey_mc.telescope.psf import KingPsf
@@ -79,7 +79,7 @@ class Response:
         return np.where(self.is_on_image(x_arcsec, y_arcsec), self.seen_share(offaxis_arcmin), 0.0)
 
 
-@lru_cache(maxsize=KEPT_RESPONSES)
+@bounded_cache(KEPT_RESPONSES)
 def build_response(settings: InstrumentSettings, band_name: str, exposure_s: float) -> Response:
     """The response of an instrument as a campaign sets it; the same object for the same arguments.
 
