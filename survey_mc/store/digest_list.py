@@ -53,6 +53,10 @@ def table_damages(layout: RunLayout, *, required: bool) -> Iterator[Damage]:
     digests = read_digests(layout)
     if digests is None:
         yield Damage("table", layout.digests.name, f"is damaged; {REMEDY}")
+        for folder in (layout.tables, layout.report):
+            for path in entries(folder):
+                name = path.relative_to(layout.root).as_posix()
+                yield Damage("table", name, "may have changed: the list that has its SHA-256 is damaged")
         return
     if required and not digests and any(True for folder in (layout.tables, layout.report) for _ in entries(folder)):
         yield Damage("table", layout.digests.name, f"is missing, or the report was not finished; {REMEDY}")

@@ -124,16 +124,17 @@ def test_tables_without_their_list_are_damaged_unless_an_older_version_made_them
     assert not found(older)
     assert read_digests(RunLayout(older)) == {}
     RunLayout(older).digests.write_text("")
-    assert found(older) == [("table", "tables.sha256")]
+    assert found(older) == [("table", "tables.sha256"), ("table", "tables/a.csv")]
 
 
-def test_a_list_of_tables_has_one_form(root: Path) -> None:
+def test_a_list_of_tables_has_one_form_and_without_it_nobody_vouches_for_them(root: Path) -> None:
     digests = listed(root).digests
     first, *others = digests.read_text().splitlines(keepends=True)
 
     for lines in ([*others, first], [first, first, *others]):
         digests.write_text("".join(lines))
-        assert found(root) == [("table", "tables.sha256")]
+        doubtful = ["tables.sha256", "tables/a.csv", "tables/b.parquet", "report/index.html"]
+        assert found(root) == [("table", name) for name in doubtful]
 
 
 def test_what_nobody_knows_is_named_in_every_folder_of_the_run_and_nowhere_else(root: Path) -> None:
