@@ -96,8 +96,9 @@ def plan(campaign: Path, out: Path | None, workers: int | None, as_json: bool) -
     for problem in planned.problems:
         say(f"  fails on the first field: {problem}")
     say(
-        f"{planned.orders} tasks of up to {planned.block} field{'s' * (planned.block != 1)}; about {human_time(planned.cpu_s)} of CPU, "
-        f"{human_time(wall_s)} with {n_workers} workers, {human_bytes(planned.size_bytes)} in {planned.files} files "
+        f"{planned.orders} tasks of up to {planned.block} field{'s' * (planned.block != 1)}; about "
+        f"{human_time(planned.cpu_s)} of CPU, {human_time(wall_s)} with {n_workers} workers, "
+        f"{human_bytes(planned.size_bytes)} in {planned.files} files "
         f"when complete (costs from: {planned.measured})"
     )
 

@@ -33,7 +33,7 @@ for folder in (ROOT / "tests", ROOT / "tests" / "safety", ROOT):
 import wrapped  # noqa: E402
 from bombs import BOMBS  # noqa: E402
 from command import command  # noqa: E402
-from payloads import PAYLOADS, PLACES, campaigns_with  # noqa: E402
+from payloads import PAYLOADS, PLACES, TEMPTING_NAMES, campaigns_with, launcher  # noqa: E402
 from programs import FAULTS, install  # noqa: E402
 from small_campaigns import TEXT  # noqa: E402
 from test_safety_store import HOSTILE, TAMPERED, assert_inert, hostile_lock, put_piece  # noqa: E402
@@ -42,7 +42,6 @@ from survey_mc.detect import DETECTORS  # noqa: E402
 
 SECONDS, MEGABYTES = 2.0, 500.0
 MORE_MEGABYTES = 50.0  # while one program prints without end; the first run also imports
-LAUNCHER = "import sys\nfrom survey_mc.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n"
 MEASURED = """import re, sys, time
 from survey_mc.cli import main
 try:
@@ -51,23 +50,10 @@ finally:
     peak_kb = re.search(r"VmHWM:\\s*(\\d+)", open("/proc/self/status").read())[1]
     open(sys.argv[1], "w").write(f"{time.process_time()} {peak_kb}")
 """
-TEMPTING_NAMES = (
-    "json", "random", "multiprocessing", "numba", "astropy", "pandas", "pyarrow", "matplotlib", "yaml", "dask", "numpy",
-    "distributed", "scipy", "sep", "pydantic", "click", "rich", "survey_mc", "sitecustomize", "usercustomize", "typing",
-    "contextlib", "ctypes", "conftest", "threading", "socket", "psutil", "tornado", "msgpack", "cloudpickle", "signal",
-)  # fmt: skip
 SMALL = TEXT.replace("realisations = 6", "realisations = 2").replace("n_pix = 128", "n_pix = 64")
 ONE = SMALL.replace("realisations = 2", "realisations = 1")
 WRAPPED = '\n[[method]]\nname = "brightpix"\nlabel = "B"\nparams = { timeout_s = TIMEOUT, counts_min = 3 }\n'
 MEGABYTES_PRINTED = 1000
-
-
-def launcher(folder: Path) -> list[str]:
-    """The command as it is installed: a script in a folder of its own; the current folder is not on the path."""
-    script = folder / "bin" / "survey-mc"
-    script.parent.mkdir(exist_ok=True)
-    script.write_text(LAUNCHER)
-    return [sys.executable, str(script)]
 
 
 def environment() -> dict[str, str]:

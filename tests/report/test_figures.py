@@ -1,5 +1,7 @@
 """Figures: the same look for a method everywhere, pictures of a field, nothing from nothing."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,7 @@ from fake_run import METHODS, FakeMethod
 from survey_mc.columns import DETECTIONS, MATCHES, TRUTH
 from survey_mc.report import FieldPicture
 from survey_mc.report.figures import field_figures, looks
+from survey_mc.report.figures.measures import cost_figure
 from survey_mc.report.figures.style import COLOUR_OF
 from survey_mc.types import Band, Observation, PixelGrid
 
@@ -26,6 +29,17 @@ def test_two_labels_of_one_procedure_share_its_colour_and_differ_in_line():
     first, second = looks([FakeMethod("mr1_se", "a"), FakeMethod("mr1_se", "b")]).values()
     assert first.colour == second.colour
     assert (first.line, first.marker) != (second.line, second.marker)
+
+
+def test_costs_of_labels_that_the_campaign_no_longer_has_make_no_panel():
+    costs = pd.DataFrame(
+        {"cell": "c", "stage": "detect", "method": ["old", "WAV"], "cpu_s_per_field": [1.0, 2.0], "fields": 4}
+    )
+    cells = [SimpleNamespace(label="c", band="soft", exposure_ks=10.0, instrument="xmm_epic")]
+    look = looks(METHODS)
+
+    assert cost_figure(costs[costs["method"] == "old"], cells, look) is None
+    assert cost_figure(costs, cells, look).png.startswith(PNG)
 
 
 def frame(table, n, **values):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 # What other programs have executed when it came as configuration. CANARY is a file that must not appear, and `evil` a
 # module beside the campaign that would make it.
@@ -88,3 +90,20 @@ def campaigns_with(payload: str, text: str, every: int = 1, first: int = 0) -> I
     for old, new in list(PLACES.values())[first % every :: every]:
         assert old in text
         yield text.replace(old, new.format(quoted(payload)))
+
+
+# Modules that Python, dask or we import, to be planted where a campaign lies.
+TEMPTING_NAMES = (
+    "json", "random", "multiprocessing", "numba", "astropy", "pandas", "pyarrow", "matplotlib", "yaml", "dask", "numpy",
+    "distributed", "scipy", "sep", "pydantic", "click", "rich", "survey_mc", "sitecustomize", "usercustomize", "typing",
+    "contextlib", "ctypes", "conftest", "threading", "socket", "psutil", "tornado", "msgpack", "cloudpickle", "signal",
+)  # fmt: skip
+LAUNCHER = "import sys\nfrom survey_mc.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n"
+
+
+def launcher(folder: Path) -> list[str]:
+    """The command as it is installed: a script in a folder of its own; the current folder is not on the path."""
+    script = folder / "bin" / "survey-mc"
+    script.parent.mkdir(exist_ok=True)
+    script.write_text(LAUNCHER)
+    return [sys.executable, str(script)]

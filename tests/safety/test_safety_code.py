@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import json
+import os
 import pickle
 import shutil
+import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -13,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import command
-from payloads import PAYLOADS, PLACES, campaigns_with, quoted
+from payloads import PAYLOADS, PLACES, TEMPTING_NAMES, campaigns_with, launcher, quoted
 from small_campaigns import TEXT
 
 import survey_mc
@@ -52,6 +54,21 @@ def test_the_canary_is_made_by_what_it_is_to_show(tmp_path: Path, monkeypatch: p
     pickle.loads(pickle.dumps(Evil()))  # noqa: S301
 
     assert (tmp_path / "CANARY").exists()
+
+
+def test_workers_import_nothing_from_the_folder_of_a_campaign(tmp_path: Path) -> None:
+    work = tmp_path / "work"
+    work.mkdir()
+    for name in TEMPTING_NAMES:
+        (work / f"{name}.py").write_text(f"open({str(work / 'CANARY')!r}, 'a').write({name!r})\nraise ImportError\n")
+    (work / "c.toml").write_text(SMALL)
+    words = ("run", "c.toml", "--workers", "1", "--no-report", "--out", "run")
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE.parent)}
+
+    done = subprocess.run([*launcher(tmp_path), *words], cwd=work, env=environment, capture_output=True, check=False)
+
+    assert done.returncode == 0, done.stderr
+    assert not (work / "CANARY").exists()
 
 
 @pytest.mark.parametrize("payload", PAYLOADS, ids=lambda payload: ascii(payload[:40]))

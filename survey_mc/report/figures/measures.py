@@ -114,7 +114,8 @@ def position_figure(table: DataFrame, cells: Sequence[CellLike], look: dict[str,
 
 def cost_figure(table: DataFrame, cells: Sequence[CellLike], look: dict[str, Look]) -> Figure | None:
     """CPU seconds of detection per field."""
-    rows = table[(table["stage"] == "detect") & table["cpu_s_per_field"].gt(0)]
+    # A journal may tell of labels that the campaign had before.
+    rows = table[(table["stage"] == "detect") & table["cpu_s_per_field"].gt(0) & table["method"].isin(list(look))]
     shown = [cell for cell in cells if (rows["cell"] == cell.label).any()]
     if not shown:
         return None

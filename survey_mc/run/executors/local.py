@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 LOOPBACK = "127.0.0.1"
+SAFE_PATH = "PYTHONSAFEPATH"
 WORKER_DEATHS_ALLOWED = 10  # before an order comes back, to be sent again or given up
 MALLOC_THRESHOLD_BYTES = 128 * 1024 * 1024
 
@@ -44,9 +46,11 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
         # Arrow's own pool would be a third heap, of 35 MB.
         "distributed.nanny.pre-spawn-environ.ARROW_DEFAULT_MEMORY_POOL": "system",
     }
-    with dask.config.set(settings), ExitStack() as opened:
-        with _undisturbed():
+    with dask.config.set(settings), _safe_path(), ExitStack() as opened:
+        with _undisturbed(), warnings.catch_warnings():
             try:
+                # Of two runs on a machine, one finds the usual port of dask's pages taken; nobody needs to know.
+                warnings.filterwarnings("ignore", message="Port .* is already in use", category=UserWarning)
                 cluster = LocalCluster(
                     n_workers=workers,
                     threads_per_worker=1,
@@ -67,6 +71,21 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
         except BaseException:
             _end_at_once(cluster)
             raise
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Processes that are started meanwhile do not import from the current folder, in which a stranger's campaign may
+    lie beside a `json.py`; what this process imports from there on purpose, workers are told by multiprocessing."""
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 def _end_at_once(cluster: LocalCluster) -> None:
