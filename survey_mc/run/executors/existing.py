@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_TIMEOUT_S = 10
+PATIENCE_S = 30  # for the first worker, which is often started together with the scheduler and this process
 
 
 @contextmanager
@@ -71,9 +72,13 @@ def _warn(sentence: str) -> None:
 def _refuse_other_versions(client: Client, where: str) -> None:
     """Results are promised for one set of versions: a worker that has others is refused."""
     here = library_versions()
+    if not client.scheduler_info(n_workers=-1)["workers"]:
+        _warn(f"{where}: the scheduler has no workers yet; waiting {PATIENCE_S} s for them")
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE_S)
+        except TimeoutError:
+            raise BadInput(where, "the scheduler has no workers; start some with `dask worker`") from None
     found = client.run(library_versions)
-    if not found:
-        raise BadInput(where, "the scheduler has no workers; start some with `dask worker`")
     for worker, there in found.items():
         for name, version in here.items():
             if there.get(name) != version:
