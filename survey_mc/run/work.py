@@ -82,7 +82,8 @@ def _missing_in(manifest: Manifest, cell: Cell, start: int, stop: int, failed: L
 
     detect: dict[str, list[Range]] = {}
     match: dict[str, list[Range]] = {}
-    for method in cell.methods:
+    # Methods that differ in nothing but their labels have the same files: the first of them makes these.
+    for method in {method.match_key: method for method in reversed(cell.methods)}.values():
         broken = [j for j in range(start, stop) if j in undrawn or j in failed.get(method.detect_key, ())]
         detect[method.label] = holes("detections", method.detect_key, broken)
         match[method.label] = [

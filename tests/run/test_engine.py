@@ -136,6 +136,18 @@ def test_comments_and_the_order_of_keys_change_no_file(tmp_path: Path) -> None:
     assert data_files(tmp_path / "run") == before
 
 
+def test_methods_that_differ_only_in_their_labels_share_their_files(tmp_path: Path) -> None:
+    again = TEXT[TEXT.index("[[method]]") : TEXT.index("[match]")].replace('label = "G"', 'label = "again"')
+    alone = run_serial(small(), tmp_path / "alone")
+
+    for block in (1, 3, 6):
+        assert run_serial(small(extra=again), tmp_path / f"{block}", block) == alone
+    run = open_run(tmp_path / "3")
+    assert run.matches("again").drop(columns="method").equals(run.matches("G").drop(columns="method"))
+    assert len(run.matches("G")) == len(open_run(tmp_path / "alone").matches("G"))
+    assert open_run(tmp_path / "3").journal().query("stage == 'detect'")["fields"].sum() == 6
+
+
 def test_another_matching_radius_detects_nothing_again_and_equals_a_fresh_run(tmp_path: Path) -> None:
     wider = small(("counts_min = 10", "counts_min = 10\nradius_arcsec = 12.0"))
     run_serial(small(), tmp_path / "run")

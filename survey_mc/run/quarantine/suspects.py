@@ -21,7 +21,7 @@ def find_suspects(layout: RunLayout, cells: tuple[Cell, ...]) -> Suspects:
     may be another one now.
     """
     field_keys = {cell.field_key: (cell.field_key, "") for cell in cells}
-    detect_keys = {m.detect_key: (cell.field_key, m.label) for cell in cells for m in cell.methods}
+    detect_keys = {m.detect_key: (cell.field_key, m.label) for cell in cells for m in reversed(cell.methods)}
     found: dict[str, list[Suspect]] = {}
     for death in deaths(layout.attempts):
         place = death.place

@@ -99,14 +99,19 @@ def _followed(latest: LatestStart | None, entry: Entry) -> LatestStart | None:
     return latest
 
 
+def _labels(cell: CellRecord, key: str | None) -> list[str]:
+    """The methods of these parameters, whatever they were called when the journal was written."""
+    return [label for label, its_key in cell.detect_keys.items() if its_key == key]
+
+
 def _gaps(entry: Entry, cell: CellRecord) -> Iterator[tuple[Place, dict[str, Any]]]:
     """Failures and skips of single fields and methods: a quarantined task is one for each of its fields and methods."""
     label, event = cell.label, entry["event"]
     if event == "skip":
-        method, realisation = entry["method"], int(entry["realisation"])
         # journals of the first versions do not say of which parameters a skip is
-        if entry.get("key", cell.detect_keys.get(method)) == cell.detect_keys.get(method):
-            yield (label, method, realisation), {"reason": entry["reason"]}
+        key = entry.get("key", cell.detect_keys.get(entry["method"]))
+        for method in _labels(cell, key):
+            yield (label, method, int(entry["realisation"])), {"reason": entry["reason"]}
         return
     shared = {
         "cell": label,
@@ -119,7 +124,7 @@ def _gaps(entry: Entry, cell: CellRecord) -> Iterator[tuple[Place, dict[str, Any
         methods = [method for method, key in cell.detect_keys.items() if key in entry["keys"]]
         realisations = range(int(entry["start"]), int(entry["stop"]))
     elif entry["method"]:
-        methods = [entry["method"]] if entry["key"] == cell.detect_keys.get(entry["method"]) else []
+        methods = _labels(cell, entry["key"])
         realisations = range(int(entry["realisation"]), int(entry["realisation"]) + 1)
     else:
         methods = list(cell.detect_keys) if entry["key"] == cell.field_key else []
