@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _TRACEBACK_CHARACTERS = 4000
 KB_PER_MB = 1024.0  # ru_maxrss is in kilobytes on Linux
-MAX_ATTEMPTS = 10  # processes that may die at an order
+MAX_ATTEMPTS = 25  # processes that may die at an order; others may kill workers faster than they start
 # A realisation that no campaign has: what is rehearsed on it is nobody's field.
 REHEARSAL = 9_999_999
 

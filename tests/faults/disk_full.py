@@ -16,6 +16,8 @@ from pathlib import Path
 
 from fault_tools import COMMAND, environment, finish, hashes, reference, start, verdict, write_campaign
 
+SIZES = (6000, 12_000, 25_000)  # less than the lock file, more, and more than some stored files
+
 
 def limited(size: int) -> Callable[[], None]:
     """Before the program starts: no file may grow beyond some bytes."""
@@ -32,6 +34,8 @@ def judge(code: int, said: str, root: Path) -> str:
     checked = subprocess.run(
         [*COMMAND, "verify", str(root)], env=environment(), capture_output=True, text=True, check=False
     )
+    if "is not a run directory" in checked.stderr and not list(root.rglob("*.parquet")):
+        return ""  # not even the lock file had room
     return "" if checked.returncode == 0 else f"verify: {checked.stdout}{checked.stderr}"
 
 
@@ -71,7 +75,7 @@ def main() -> int:
         campaign = write_campaign(folder, 160)
         wanted = reference(campaign, folder / "reference", "--no-report")
         cases = {f"disk of {mega} MB": filled(folder, campaign, wanted, mega) for mega in (1, 2, 3)}
-        cases |= {f"files of {size} bytes": file_limited(folder, campaign, wanted, size) for size in (6000, 25000)}
+        cases |= {f"files of {size} bytes": file_limited(folder, campaign, wanted, size) for size in SIZES}
     for name, wrong in cases.items():
         missed |= verdict(f"R14 {name}", wrong or "one sentence, sound store, same bytes after", "the same", not wrong)
     return missed

@@ -26,6 +26,8 @@ def open_executor(choice: ExecutorChoice) -> Iterator[Executor]:
         with existing_cluster(choice.scheduler, choice.scheduler_file) as client:
             yield DaskExecutor(client, "dask scheduler", client.dashboard_link or None)
     else:
-        with local_cluster(choice.workers or usable_cores(), choice.dashboard_port) as client:
-            link = client.dashboard_link if choice.dashboard_port is not None else None
-            yield DaskExecutor(client, "dask local cluster", link, workerless_s=WORKERLESS_S)
+        with local_cluster(choice.workers or usable_cores(), choice.dashboard_port) as local:
+            link = local.client.dashboard_link if choice.dashboard_port is not None else None
+            yield DaskExecutor(
+                local.client, "dask local cluster", link, workerless_s=WORKERLESS_S, replace_lost=local.replace_lost
+            )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from typing import TYPE_CHECKING, Any
@@ -30,12 +30,20 @@ class DaskExecutor:
     """Orders on dask workers, a few in flight for each of them.
 
     workerless_s: give up when there has been no worker for so long; None waits for ever, as one does for a queue.
+    replace_lost: called every tick, to start workers for those that will not come back.
     """
 
     def __init__(
-        self, client: Client, name: str, dashboard: str | None = None, *, workerless_s: float | None = None
+        self,
+        client: Client,
+        name: str,
+        dashboard: str | None = None,
+        *,
+        workerless_s: float | None = None,
+        replace_lost: Callable[[], None] = lambda: None,
     ) -> None:
         self.client, self.name, self.dashboard, self.workerless_s = client, name, dashboard, workerless_s
+        self.replace_lost = replace_lost
         self._asked_s, self._n_workers = float("-inf"), 0
         self._seen_s = time.monotonic()
         self.workers = self.workers_now()
@@ -45,6 +53,7 @@ class DaskExecutor:
         now = time.monotonic()
         if now - self._asked_s > TICK_S:
             self._asked_s = now
+            self.replace_lost()
             try:
                 workers = self.client.scheduler_info(n_workers=-1)["workers"]
             except (OSError, KeyError):  # a scheduler that is gone is noticed by its futures
@@ -58,7 +67,7 @@ class DaskExecutor:
         waiting: dict[Any, tuple[Order, int]] = {}
 
         def submit(order: Order, times: int = 1) -> None:
-            with _reached():
+            with _scheduler_needed():
                 future = self.client.submit(run_task, order, pure=False)
             waiting[future] = order, times
             future.add_done_callback(finished.put)
@@ -79,6 +88,9 @@ class DaskExecutor:
                 continue
             order, times = waiting.pop(future)
             result = _result(future)
+            if result is None:
+                submit(order, times)
+                continue
             if _is_death(result) and times < SUBMISSIONS_ALLOWED:
                 submit(order, times + 1)
                 continue
@@ -105,26 +117,31 @@ def _lost_scheduler() -> SurveyError:
     )
 
 
-def _result(future: Any) -> Outcome | Exception:
-    """What a finished future holds; raises where it was lost with its scheduler."""
-    if future.status in ("cancelled", "lost"):
+def _result(future: Any) -> Outcome | Exception | None:
+    """What a finished future holds; None where it was lost with its worker before it could be fetched. Raises where the
+    scheduler is lost."""
+    if future.status == "cancelled":
         raise _lost_scheduler()
-    with _reached():
-        problem = future.exception() if future.status != "finished" else None
-        result = problem if problem is not None else future.result()
+    if future.status not in ("finished", "error"):
         future.release()
-    return result  # type: ignore[no-any-return]
+        return None
+    try:
+        with _scheduler_needed():
+            result: Outcome | Exception = future.exception() if future.status == "error" else future.result()
+    except OSError:  # of a scheduler that is gone, `_check_life` hears soon
+        return None
+    future.release()
+    return result
 
 
 @contextmanager
-def _reached() -> Iterator[None]:
-    """What dask itself raises, while it asks the scheduler, is a lost scheduler."""
+def _scheduler_needed() -> Iterator[None]:
     from distributed import CancelledError
     from distributed.client import ClosedClientError
 
     try:
         yield
-    except (OSError, CancelledError, ClosedClientError):
+    except (CancelledError, ClosedClientError):
         raise _lost_scheduler() from None
 
 

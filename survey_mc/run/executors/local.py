@@ -6,9 +6,11 @@ import logging
 import os
 import signal
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from survey_mc.errors import BadInput, SurveyError
@@ -18,12 +20,14 @@ if TYPE_CHECKING:
 
 LOOPBACK = "127.0.0.1"
 SAFE_PATH = "PYTHONSAFEPATH"
+PATIENCE_S, START_S = 30.0, 120.0  # for all workers, for one
+LOSSES_ALLOWED = 5  # of each worker, while they start
 WORKER_DEATHS_ALLOWED = 10  # before an order comes back, to be sent again or given up
 MALLOC_THRESHOLD_BYTES = 128 * 1024 * 1024
 
 
 @contextmanager
-def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
+def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[LocalWorkers]:
     """A cluster that ends with the block. dashboard_port: serve dask's dashboard there; needs bokeh."""
     import dask
     from distributed import Client, LocalCluster
@@ -35,6 +39,8 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
         # A worker is given what it can do now and no more, so that its death concerns nothing else.
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.worker.daemon": True,
+        # A worker is restarted by its nanny, however long that takes; see `LocalWorkers` for nannies that give up.
+        "distributed.deploy.lost-worker-timeout": "1 hour",
         "distributed.admin.log-length": 0,
         "logging": {"distributed": "error"},
         # Keep freed memory in the process: a field's arrays are the size of the next one's, and returning them to the
@@ -48,29 +54,68 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[Client]:
     }
     with dask.config.set(settings), _safe_path(), ExitStack() as opened:
         with _undisturbed(), warnings.catch_warnings():
-            try:
-                # Of two runs on a machine, one finds the usual port of dask's pages taken; nobody needs to know.
-                warnings.filterwarnings("ignore", message="Port .* is already in use", category=UserWarning)
-                cluster = LocalCluster(
-                    n_workers=workers,
+            # Of two runs on a machine, one finds the usual port of dask's pages taken; nobody needs to know.
+            warnings.filterwarnings("ignore", message="Port .* is already in use", category=UserWarning)
+            cluster = opened.enter_context(
+                LocalCluster(
+                    n_workers=0,
                     threads_per_worker=1,
                     processes=True,
                     host=LOOPBACK,
                     dashboard_address=None if dashboard_port is None else f"{LOOPBACK}:{dashboard_port}",
                     silence_logs=logging.CRITICAL,
                 )
-            except (RuntimeError, TimeoutError) as problem:
-                raise SurveyError(
-                    f"the {workers} worker processes did not start ({problem}); try again, with fewer --workers or "
-                    "--serial"
-                ) from problem
-            opened.enter_context(cluster)
+            )
             client = opened.enter_context(Client(cluster))
         try:
-            yield client
+            local = LocalWorkers(client, cluster, workers)
+            local.start()
+            yield local
         except BaseException:
             _end_at_once(cluster)
             raise
+
+
+@dataclass(slots=True)
+class LocalWorkers:
+    """A cluster on this machine and its client. n: how many workers it is to have. n_lost: how many died while they
+    started, or were given up later."""
+
+    client: Client
+    cluster: LocalCluster
+    n: int
+    n_lost: int = 0
+
+    def start(self) -> None:
+        """Return when all workers are there, or some of them after a while; `SurveyError` if none stays alive."""
+        # What a worker that dies while it starts has to say is not for the terminal: it is replaced.
+        logging.getLogger("tornado.application").setLevel(logging.CRITICAL)
+        self.cluster.scale(self.n)
+        begun_s = time.monotonic()
+        while (n_here := len(self.client.scheduler_info(n_workers=-1)["workers"])) < self.n:
+            waited_s = time.monotonic() - begun_s
+            if n_here and waited_s > PATIENCE_S:
+                return
+            if self.n_lost >= LOSSES_ALLOWED * self.n or waited_s > START_S:
+                raise SurveyError(
+                    f"the {self.n} worker processes did not start; try again, with fewer --workers or --serial"
+                )
+            time.sleep(0.05)
+            self.replace_lost()
+
+    def replace_lost(self) -> None:
+        """Start workers for those that died while they were starting: their nannies have given up for good."""
+        self.cluster.loop.add_callback(self._replace_lost)
+
+    async def _replace_lost(self) -> None:
+        from distributed.core import Status
+
+        lost = [name for name, nanny in self.cluster.workers.items() if nanny.status in (Status.closed, Status.failed)]
+        for name in lost:
+            del self.cluster.workers[name]
+        if lost and self.cluster.status == Status.running:
+            self.n_lost += len(lost)
+            self.cluster.scale(self.n)
 
 
 @contextmanager
