@@ -37,6 +37,14 @@ def rss_mb(pid: int) -> float:
     return next((int(line.split()[1]) / MB for line in lines if line.startswith("VmRSS")), 0.0)
 
 
+def just_said(pipe: int) -> str:
+    """What a process has printed since the last time."""
+    try:
+        return os.read(pipe, 65536).decode(errors="replace")
+    except BlockingIOError:
+        return ""
+
+
 def run(campaign: Path, root: Path, n: int, driver_peak: Peak, worker_peak: Peak) -> float:
     """Run the campaign without its report; seconds."""
     begun = time.monotonic()
@@ -45,8 +53,7 @@ def run(campaign: Path, root: Path, n: int, driver_peak: Peak, worker_peak: Peak
     os.set_blocking(driver.stdout.fileno(), False)
     early = False
     while driver.poll() is None:
-        text = driver.stdout.read() or ""
-        for line in text.splitlines():
+        for line in just_said(driver.stdout.fileno()).splitlines():
             done = line.partition(": ")[2].partition("/")[0]
             early |= done.isdigit() and int(done) >= n // 10
         for peak, found in ((driver_peak, rss_mb(driver.pid)),
@@ -55,7 +62,7 @@ def run(campaign: Path, root: Path, n: int, driver_peak: Peak, worker_peak: Peak
             if not early:
                 peak.early = peak.most
         time.sleep(1.0)
-    assert driver.returncode == 0, driver.stdout.read()
+    assert driver.returncode == 0, just_said(driver.stdout.fileno())
     return time.monotonic() - begun
 
 
