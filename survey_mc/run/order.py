@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from survey_mc.campaign import Campaign
 from survey_mc.run.quarantine.limits import FieldLimits
 from survey_mc.store import Record
+
+if TYPE_CHECKING:
+    from survey_mc.campaign import Campaign
 
 Cause = Literal["exception", "memory", "timeout", "crash"]
 CAUSES: dict[Cause, str] = {
