@@ -42,6 +42,8 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[LocalWor
         # A worker is restarted by its nanny, however long that takes; see `LocalWorkers` for nannies that give up.
         "distributed.deploy.lost-worker-timeout": "1 hour",
         "distributed.admin.log-length": 0,
+        # Nobody looks at dask's statistical profiles of a worker: 100 kB a second, for an hour.
+        "distributed.worker.profile.enabled": dashboard_port is not None,
         "logging": {"distributed": "error"},
         # Keep freed memory in the process: a field's arrays are the size of the next one's, and returning them to the
         # system costs a deep field up to 10 ms of page faults.
