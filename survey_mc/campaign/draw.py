@@ -10,7 +10,6 @@ from survey_mc.campaign.keys import realisation_key
 from survey_mc.campaign.schema import Campaign
 from survey_mc.rng import stream
 from survey_mc.sky import SkyContext, draw_sky
-from survey_mc.telescope.expose import expose
 from survey_mc.telescope.response import Response, build_response
 from survey_mc.types import Field, Sky
 
@@ -29,6 +28,8 @@ def draw_truth(campaign: Campaign, cell: Cell, realisation: int) -> Sky:
 
 def draw_field(campaign: Campaign, cell: Cell, realisation: int) -> Field:
     """Truth and observation of one realisation of a cell (realisation ≥ 0)."""
+    from survey_mc.telescope.expose import expose  # loads the compiler, which a driver does without
+
     sky = draw_truth(campaign, cell, realisation)
     key = realisation_key(cell.field_key, realisation)
     return expose(sky, cell_response(campaign, cell), partial(stream, key), key)

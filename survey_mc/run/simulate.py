@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 from survey_mc.campaign import Campaign, Cell, draw_field, expand, load_campaign
 from survey_mc.errors import BadInput
-from survey_mc.match import Matched
 from survey_mc.registry import UnknownName
 from survey_mc.run.stages import detect_on, match_on
 from survey_mc.types import Field, Skip
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from survey_mc.match import Matched
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,14 @@ from survey_mc.campaign.keys import realisation_key
 from survey_mc.columns import DETECTIONS, LINKS, MATCHES, TRUTH, Table
 from survey_mc.detect import DETECTORS
 from survey_mc.detect.contract import checked_rows
-from survey_mc.match import Matched, match_field
 from survey_mc.rng import stream
 from survey_mc.store.layout import StoredTable
 from survey_mc.types import Field, Skip
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from survey_mc.match import Matched
 
 
 def method_choice_params(campaign: Campaign, method: CellMethod) -> object:
@@ -46,6 +47,8 @@ def detect_on(campaign: Campaign, method: CellMethod, field: Field, realisation:
 
 def match_on(campaign: Campaign, cell: Cell, field: Field, detections: DataFrame | ArrayFrame) -> Matched:
     """Match the detections of one method with the truth of the field, by both rules."""
+    from survey_mc.match import match_field  # loads the compiler, which a driver does without
+
     return match_field(field, detections, campaign.match, cell.counts_min)
 
 
