@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from survey_mc.caches import bounded_cache
 from survey_mc.errors import BadInput
@@ -97,6 +96,8 @@ def _solve(fwhm_arcsec: float, hew_arcsec: float) -> KingPsf:
 
     def excess(slope: float) -> float:
         return math.log(_half_energy(slope) / _half_maximum(slope) / ratio)
+
+    from scipy.optimize import brentq  # a driver does without
 
     slope = float(brentq(excess, *_SLOPE_RANGE, xtol=1e-14, rtol=1e-14))
     return KingPsf(slope, fwhm_arcsec / (2.0 * _half_maximum(slope)))

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
 
 from survey_mc.columns import Column
 from survey_mc.detect._eml.params import EXTENDED_NU, EXTENT_NU, POINT_NU, Limits, MlFitParams, likelihood
@@ -66,6 +65,8 @@ FLAG_BITS = {
 
 def nearest_neighbour_arcsec(x_pix: FloatArray, y_pix: FloatArray, scale_arcsec: float) -> FloatArray:
     """Distance of each position to the nearest other one; NaN for a single one."""
+    from scipy.spatial import cKDTree  # a driver does without
+
     if len(x_pix) < 2:
         return np.full(len(x_pix), np.nan)
     places = np.stack([x_pix, y_pix], axis=1)

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from scipy import fft
-from scipy.optimize import nnls
 from scipy.special import gammainc, ndtr
 
 from survey_mc.detect._eml.poisson_spline import LogSpline, fit
@@ -130,6 +129,8 @@ def components(counts: FloatImage, parts: FloatArray, params: CheeseSplineParams
 
     parts: (n_components, n_cells). Reweighted least squares with the expected variance.
     """
+    from scipy.optimize import nnls  # a driver does without
+
     kept = parts.sum(axis=0) > 0.0
     amplitudes = np.full(len(parts), counts[kept].sum() / max(parts[:, kept].sum(), TINY))
     for _ in range(params.n_fit_run):

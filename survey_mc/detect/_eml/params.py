@@ -15,7 +15,6 @@ from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.optimize import brentq
 from scipy.special import gammaincc, gammainccinv, gammaln
 
 from survey_mc.detect.detector import DetectorParams
@@ -158,6 +157,8 @@ def cut_radius_pix(psf: Psf, scale_arcsec: float, cut: float) -> float:
 
     if missing(LARGEST_CUT_PIX) <= 0.0:
         return LARGEST_CUT_PIX
+    from scipy.optimize import brentq  # a driver does without
+
     return max(float(brentq(missing, 0.0, LARGEST_CUT_PIX, xtol=1e-9)), 1.5)
 
 

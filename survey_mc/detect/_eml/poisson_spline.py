@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray, FloatImage
@@ -81,6 +80,8 @@ def fit(
     counts, exposure: (n_y, n_x) of the cells; exposure 0 = nothing known. Some counts must be positive.
     n_intervals: of the splines along y and x. start: a fit to nearly the same cells.
     """
+    from scipy.linalg import cho_factor, cho_solve  # a driver does without
+
     places = [(np.arange(n) + 0.5) / n for n in counts.shape]
     basis_y, basis_x = basis(places[0], n_intervals[0]), basis(places[1], n_intervals[1])
     shape = (basis_y.shape[1], basis_x.shape[1])

@@ -14,14 +14,16 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.special import ellipe, ive
 
 from survey_mc.caches import bounded_cache
 from survey_mc.types import FloatArray, Psf
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 ExtentModel = Literal["beta", "gaussian", "none"]
 
@@ -85,11 +87,17 @@ def point_profile(psf: Psf, scale_arcsec: float) -> FloatArray:
     return profile
 
 
+def _spline(place: FloatArray, values: FloatArray, **ends: Any) -> CubicSpline:
+    from scipy.interpolate import CubicSpline  # a driver does without
+
+    return CubicSpline(place, values, **ends)
+
+
 def _ring_masses(psf: Psf, scale_arcsec: float, profile: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Radii (pixels) of rings and the share of the counts each stands for; the shares sum to 1."""
     near_edges = np.arange(int(_NEAR_PIX * _RINGS_PER_PIX) + 1) / _RINGS_PER_PIX
     fine = np.linspace(0.0, _NEAR_PIX, int(_NEAR_PIX * STEPS_PER_PIX) + 1)
-    inside = CubicSpline(fine, 2.0 * math.pi * fine * profile[: fine.size]).antiderivative()(near_edges)
+    inside = _spline(fine, 2.0 * math.pi * fine * profile[: fine.size]).antiderivative()(near_edges)
     far_edges = np.geomspace(_NEAR_PIX, _FAR_PIX, _RINGS_FAR + 1)
     beyond = inside[-1] + np.diff(np.asarray(psf.encircled_energy(far_edges * scale_arcsec))).cumsum()
     edges = np.concatenate([near_edges, far_edges[1:]])
@@ -113,7 +121,7 @@ def _ring_mean(kind: ExtentModel, radius: FloatArray, ring: FloatArray, extent: 
 def _cubics(profile: FloatArray) -> FloatArray:
     """(n_radii − 1, 4) coefficients of the spline through a profile, its slope 0 at the centre."""
     place = np.arange(profile.size, dtype=np.float64)
-    return np.ascontiguousarray(CubicSpline(place, profile, bc_type=((1, 0.0), (2, 0.0))).c[::-1].T)
+    return np.ascontiguousarray(_spline(place, profile, bc_type=((1, 0.0), (2, 0.0))).c[::-1].T)
 
 
 def _extended_rows(
@@ -125,7 +133,7 @@ def _extended_rows(
     rows, r50 = [], []
     for extent in extents:
         folded = _ring_mean(kind, coarse[:, None], ring[None, :], float(extent)) @ mass
-        logarithm = CubicSpline(np.arcsinh(coarse), np.log(np.maximum(folded, TINY)))
+        logarithm = _spline(np.arcsinh(coarse), np.log(np.maximum(folded, TINY)))
         profile = np.exp(logarithm(np.arcsinh(radius)))
         rows.append(_cubics(profile))
         inside = np.concatenate([[0.0], np.cumsum(np.diff(radius**2) * (profile[1:] + profile[:-1]) / 2.0) * math.pi])

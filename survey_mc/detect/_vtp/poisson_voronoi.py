@@ -12,7 +12,6 @@ Limits   k = 4 and 7/2 are both approximations (a few per cent of the distributi
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import gammaincc
 
 from survey_mc.types import FloatArray
@@ -82,6 +81,8 @@ def fit_faint_cells(
     trials = np.linspace(np.log(level_max / LEVEL_SPAN), np.log(level_max), LEVEL_TRIALS)
     best = int(np.argmax([explained(trial)[0] for trial in trials]))
     low, high = trials[max(best - 1, 0)], trials[min(best + 1, LEVEL_TRIALS - 1)]
+    from scipy.optimize import minimize_scalar  # a driver does without
+
     found = minimize_scalar(
         lambda trial: -explained(trial)[0], bounds=(low, high), method="bounded", options={"xatol": tolerance}
     )
