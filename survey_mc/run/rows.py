@@ -15,6 +15,8 @@ from survey_mc.store.layout import StoredTable
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from survey_mc.array_frame import ArrayFrame
+
 
 class Timed(Protocol):
     """Books the time of a block on a method and a stage."""
@@ -26,17 +28,17 @@ class Rows:
     """Rows that are ready to be stored, by family, in order of realisation."""
 
     def __init__(self) -> None:
-        self.rows: dict[Family, list[tuple[int, DataFrame]]] = {}
+        self.rows: dict[Family, list[tuple[int, ArrayFrame]]] = {}
         self.tables: dict[Family, Table] = {}
         self.methods: dict[Family, str] = {}
 
-    def keep(self, name: StoredTable, key: str, method: CellMethod | None, realisation: int, frame: DataFrame) -> None:
+    def keep(self, name: StoredTable, key: str, method: CellMethod | None, realisation: int, rows: ArrayFrame) -> None:
         family = Family(name, key)
         if family not in self.rows:
             self.rows[family] = []
             self.tables[family] = table_of(name, method.name if method else "")
             self.methods[family] = method.label if method else ""
-        self.rows[family].append((realisation, frame))
+        self.rows[family].append((realisation, rows))
 
     def commit(self, layout: RunLayout, timed: Timed) -> Iterator[Record]:
         for family, rows in self.rows.items():
@@ -61,9 +63,9 @@ class StoredRows:
         return frame[frame["realisation"] == realisation].drop(columns="realisation").reset_index(drop=True)
 
 
-def _contiguous(rows: list[tuple[int, DataFrame]]) -> Iterator[list[tuple[int, DataFrame]]]:
+def _contiguous(rows: list[tuple[int, ArrayFrame]]) -> Iterator[list[tuple[int, ArrayFrame]]]:
     """Runs of consecutive realisations: a failed field leaves a gap between two files."""
-    run: list[tuple[int, DataFrame]] = []
+    run: list[tuple[int, ArrayFrame]] = []
     for row in rows:
         if run and row[0] != run[-1][0] + 1:
             yield run

@@ -37,6 +37,8 @@ from survey_mc.types import Field, Skip
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from survey_mc.array_frame import ArrayFrame
+
 T = TypeVar("T")
 _TRACEBACK_CHARACTERS = 4000
 KB_PER_MB = 1024.0  # ru_maxrss is in kilobytes on Linux
@@ -205,7 +207,7 @@ def _refuse_other_versions(order: Order) -> None:
 
 def measure_field(
     campaign: Campaign, cell: Cell, realisation: int, outcome: Outcome
-) -> dict[Family, tuple[Table, str, DataFrame]]:
+) -> dict[Family, tuple[Table, str, ArrayFrame]]:
     """All stages of one field without storing anything: table, method label and rows of each family of files, with the
     costs added to `outcome`."""
     labels = tuple(m.label for m in cell.methods)
@@ -214,9 +216,9 @@ def measure_field(
     _warm_up(order, cell)
     _work_on_field(order, cell, realisation, _Attempt(outcome), rows, {})
     return {
-        family: (rows.tables[family], rows.methods[family], frame)
+        family: (rows.tables[family], rows.methods[family], kept)
         for family, stored in rows.rows.items()
-        for _, frame in stored
+        for _, kept in stored
     }
 
 
@@ -242,8 +244,8 @@ def _work_on_field(
                 partial(match_on, order.campaign, cell, drawn, detections),
             )
             if matched is not None:
-                rows.keep("matches", method.match_key, method, realisation, matched.matches)
-                rows.keep("links", method.match_key, method, realisation, matched.links)
+                rows.keep("matches", method.match_key, method, realisation, matched.match_rows)
+                rows.keep("links", method.match_key, method, realisation, matched.link_rows)
 
 
 def _detections(
@@ -254,7 +256,7 @@ def _detections(
     attempt: _Attempt,
     rows: Rows,
     stored: Mapping[str, StoredRows],
-) -> DataFrame | None:
+) -> DataFrame | ArrayFrame | None:
     """What the method found on the field, now or in an earlier run; None if it failed or skipped the field."""
     if method.label not in order.detect:
         return stored[method.label].of(realisation)
