@@ -7,8 +7,9 @@ is quick. The rooms of the package are `sky`, `telescope`, `detect`, `match`, `s
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from survey_mc.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
@@ -18,16 +19,18 @@ if TYPE_CHECKING:
     from survey_mc.run import detect_image, open_run, plan_campaign, run_campaign, simulate_field, verify_run
 
 _HOMES = {
-    "load_campaign": "survey_mc.campaign",
-    "parse_campaign": "survey_mc.campaign",
-    "plan_campaign": "survey_mc.run",
-    "run_campaign": "survey_mc.run",
-    "open_run": "survey_mc.run",
-    "verify_run": "survey_mc.run",
-    "simulate_field": "survey_mc.run",
-    "detect_image": "survey_mc.run",
-    "make_report": "survey_mc.report",
+    "load_campaign": "campaign",
+    "parse_campaign": "campaign",
+    "plan_campaign": "run",
+    "run_campaign": "run",
+    "open_run": "run",
+    "verify_run": "run",
+    "simulate_field": "run",
+    "detect_image": "run",
+    "make_report": "report",
 }
+
+__getattr__ = lazy_names(__name__, _HOMES)
 
 __all__ = [
     "__version__",
@@ -41,12 +44,6 @@ __all__ = [
     "simulate_field",
     "verify_run",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -89,7 +89,7 @@ def _check_cell(campaign: Campaign, cell: Cell) -> None:
     for part in parts:
         _refuse_jammed(part)
     sky = draw_truth(campaign, cell, 0)
-    rate_cps = float(sky.sources["rate_cps"].sum()) + sum(float(image.rate_cps.sum()) for image in sky.images)
+    rate_cps = float(sky.source_rows["rate_cps"].sum()) + sum(float(image.rate_cps.sum()) for image in sky.images)
     n_photons = rate_cps * response.exposure_s + float(response.background_edges[-1])
     if not n_photons <= MAX_PHOTONS:
         raise BadInput(

@@ -135,9 +135,7 @@ def run(
         )
     page = None
     if not no_report:
-        from survey_mc.report import current_report, make_report
-
-        page = (current_report(done.root) if done.fields == 0 else None) or make_report(done.root)
+        page = _page_of(done)
     if as_json:
         print_json(
             {
@@ -152,6 +150,19 @@ def run(
     else:
         _print_summary(campaign, done, page)
     return 0 if done.complete else EXIT_FAILED_TASKS
+
+
+def _page_of(done: RunSummary) -> Path:
+    """The report of a run, made again unless nothing has changed since it was made."""
+    if done.fields == 0:
+        from survey_mc.report import current_report
+
+        page = current_report(done.root)
+        if page is not None:
+            return page
+    from survey_mc.report import make_report  # loads pandas, which a finished run does without
+
+    return make_report(done.root)
 
 
 def _print_summary(campaign: Path, done: RunSummary, page: Path | None) -> None:

@@ -7,10 +7,9 @@ Limits   it checks form and domain, not science; `survey_mc.testing` checks beha
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from survey_mc.array_frame import ArrayFrame, Texts, arrays_of
@@ -20,6 +19,8 @@ from survey_mc.detect.detector import Detector
 from survey_mc.errors import SurveyError
 from survey_mc.types import Observation
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 ALWAYS_FINITE = ("x_pix", "y_pix", "offaxis_arcmin", "counts", "exposure_s", "background_per_pix", "significance")
 NEVER_NEGATIVE = ("x_err_pix", "y_err_pix", "counts_err", "flux_err_cgs", "exposure_s", "r50_arcsec", "offaxis_arcmin")
 KINDS_ALLOWED = {"int32": "iu", "int64": "iu", "float64": "fiu", "bool": "b", "string": "OUT"}
@@ -48,7 +49,7 @@ def native_columns(detector: Detector) -> tuple[tuple[Column, str], ...]:
     )
 
 
-def with_native_names(detector: Detector, frame: pd.DataFrame) -> pd.DataFrame:
+def with_native_names(detector: Detector, frame: DataFrame) -> DataFrame:
     """Detections with the columns the original program names otherwise once more under its names (DET_ML, SCTS …)."""
     return frame.assign(**{column.name: frame[name] for column, name in native_columns(detector)})
 
@@ -109,12 +110,12 @@ def _flag_problem(detector: Detector) -> str | None:
     return None
 
 
-def check_detections(detector: Detector, observation: Observation, frame: pd.DataFrame) -> pd.DataFrame:
+def check_detections(detector: Detector, observation: Observation, frame: DataFrame) -> DataFrame:
     """The frame in the declared order and dtypes, or DetectorContractError with the first thing wrong."""
     return checked_rows(detector, observation, frame).frame()
 
 
-def checked_rows(detector: Detector, observation: Observation, frame: pd.DataFrame) -> ArrayFrame:
+def checked_rows(detector: Detector, observation: Observation, frame: DataFrame) -> ArrayFrame:
     """`check_detections` with the result as plain arrays."""
     columns = declared_columns(detector)
     problem = name_problem(columns, frame)
@@ -134,9 +135,11 @@ def _typed_rows(columns: tuple[Column, ...], arrays: Mapping[str, NDArray[Any]])
     return ArrayFrame({name: Texts.of(a.tolist()) if a.dtype.kind == "U" else a for name, a in typed.items()})
 
 
-def name_problem(columns: tuple[Column, ...], frame: pd.DataFrame) -> str | None:
+def name_problem(columns: tuple[Column, ...], frame: DataFrame) -> str | None:
     """What is wrong with the columns of a frame, as a sentence."""
-    if not isinstance(frame, pd.DataFrame):
+    from pandas import DataFrame  # a driver does without
+
+    if not isinstance(frame, DataFrame):
         return f"must return a pandas DataFrame or a Skip (got {type(frame).__name__})"
     names, given = [c.name for c in columns], frame.columns.tolist()
     if given == names:
@@ -149,7 +152,7 @@ def name_problem(columns: tuple[Column, ...], frame: pd.DataFrame) -> str | None
     return "columns must be unique (a name appears twice)" if len(given) != len(names) else None
 
 
-def type_problem(columns: tuple[Column, ...], frame: pd.DataFrame, arrays: Mapping[str, NDArray[Any]]) -> str | None:
+def type_problem(columns: tuple[Column, ...], frame: DataFrame, arrays: Mapping[str, NDArray[Any]]) -> str | None:
     """What is wrong with the types of the declared columns, as a sentence; no rows may have any type."""
     for column in columns:
         values = arrays[column.name]

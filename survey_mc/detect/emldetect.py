@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from survey_mc.detect._eml.catalogue import FLAG_BITS, ML_COLUMNS, NATIVE_NAMES, ml_catalogue
 from survey_mc.detect._eml.cheese_spline import CheeseSplineParams, background_map
@@ -32,6 +31,8 @@ from survey_mc.detect.detector import Detector, ExtentStatistic
 from survey_mc.types import FloatImage, Observation
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from survey_mc.detect._eml.groups import Fitted
 
 LEAST_START_COUNTS = 1.0
@@ -80,7 +81,7 @@ def model_image(observation: Observation, params: EmldetectParams) -> FloatImage
     return np.zeros(observation.counts.shape) if found is None else found.model
 
 
-def detect(observation: Observation, params: EmldetectParams, rng: np.random.Generator) -> pd.DataFrame:
+def detect(observation: Observation, params: EmldetectParams, rng: np.random.Generator) -> DataFrame:
     """Detections of EMLDETECT; deterministic, the generator is not used."""
     found = searched(observation, params)
     if found is None or not len(found.fitted.sources):

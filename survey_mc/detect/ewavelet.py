@@ -15,10 +15,9 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
-import pandas as pd
 from pydantic import Field, model_validator
 
 from survey_mc.columns import Column
@@ -32,6 +31,8 @@ from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, detections_fra
 from survey_mc.detect.detector import Detector, DetectorParams, ExtentStatistic
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 LARGEST_SCALE_SHARE = 8.0  # of the shorter side of the image: room for the ring of the largest scale
 LEAST_SCALE_STEP = 1.1  # ratio of neighbouring scales below which C cannot tell them apart
 FWHM_PER_SIGMA = math.sqrt(8.0 * math.log(2.0))
@@ -215,7 +216,7 @@ def rows(observation: Observation, image: Image, found: Found, params: EwaveletP
     }
 
 
-def detect(observation: Observation, params: EwaveletParams, rng: np.random.Generator) -> pd.DataFrame:
+def detect(observation: Observation, params: EwaveletParams, rng: np.random.Generator) -> DataFrame:
     """Detections of EWAVELET; deterministic, the generator is not used."""
     check_scales(params, (observation.counts.shape[0], observation.counts.shape[1]))
     observed = observed_pixels(observation)

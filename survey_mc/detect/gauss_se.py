@@ -11,10 +11,9 @@ Weak at  close pairs (the kernel merges what is nearer than its FWHM); low count
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import Field
 
 from survey_mc.detect._sextractor.catalogue import SEP_COLUMNS, SEXTRACTOR_NAMES, Search, catalogue
@@ -27,6 +26,8 @@ from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect.detector import R50, STELLARITY, Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 LEAST_EXPOSURE_SHARE = 1e-6  # of the largest exposure; stands for 0 in divisions
 LARGEST_SIGMA_PIX = 128.0  # a kernel of 1025² pixels
 
@@ -157,7 +158,7 @@ def search_image(observation: Observation, params: GaussSeParams, observed: Bool
     )
 
 
-def detect(observation: Observation, params: GaussSeParams, rng: np.random.Generator) -> pd.DataFrame:
+def detect(observation: Observation, params: GaussSeParams, rng: np.random.Generator) -> DataFrame:
     """Detections of G+SE; deterministic, the generator is not used."""
     observed = observed_pixels(observation)
     if not observed.any() or not observation.counts[observed].any():

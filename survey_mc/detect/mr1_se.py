@@ -11,10 +11,9 @@ Weak at  the fainter member of close pairs; wings of faint sources (coefficients
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import Field
 
 from survey_mc.detect._mr1.params import PROJECTION, PROJECTION_SIGMA_PIX, Mr1Params, check_scales
@@ -26,6 +25,8 @@ from survey_mc.detect._shared.rows import COMMON_COLUMNS, empty_frame
 from survey_mc.detect.detector import R50, STELLARITY, Detector
 from survey_mc.types import BoolArray, FloatImage, Observation
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 FILL_FWHM_ARCSEC = 20.0  # smoothing before the background of the fill is estimated; a photon image has no usable mode
 
 
@@ -115,7 +116,7 @@ def check(params: Mr1SeParams, shape: tuple[int, int]) -> None:
     check_network(params, shape)
 
 
-def detect(observation: Observation, params: Mr1SeParams, rng: np.random.Generator) -> pd.DataFrame:
+def detect(observation: Observation, params: Mr1SeParams, rng: np.random.Generator) -> DataFrame:
     """Detections of MR/1+SE; deterministic, the generator is not used."""
     check_scales(params, observation.counts.shape)
     observed = observed_pixels(observation)

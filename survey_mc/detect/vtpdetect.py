@@ -19,7 +19,6 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 from scipy.ndimage import minimum_filter
 
 from survey_mc.detect._shared.observed import granted_background, observed_pixels
@@ -31,6 +30,8 @@ from survey_mc.detect.detector import R50, Detector
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation, Skip
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from survey_mc.detect._vtp.photon_cells import PhotonCells
 
 AT_EDGE, TRIMMED, FEW_POSITIONS = 1, 2, 4
@@ -54,7 +55,7 @@ class Percolated(NamedTuple):
     cutoff: float
 
 
-def detect(observation: Observation, params: VtpDetectParams, rng: np.random.Generator) -> pd.DataFrame | Skip:
+def detect(observation: Observation, params: VtpDetectParams, rng: np.random.Generator) -> DataFrame | Skip:
     """Detections of VTPDETECT; the generator is used by positions = "jitter" only."""
     from survey_mc.detect._vtp.photon_cells import photon_cells  # numba: imported when it is first needed
 

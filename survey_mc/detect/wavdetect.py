@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from survey_mc.columns import Column
 from survey_mc.detect._shared.convolution import Float32Image
@@ -35,6 +35,8 @@ from survey_mc.detect._wavdetect.transform import Bank, ScaleImages, bank, signi
 from survey_mc.detect.detector import Detector, ExtentStatistic
 from survey_mc.types import BoolArray, FloatImage, Observation, Psf
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 RING_AREA_PER_SIGMA2 = 25.1  # (ΣNW)²/ΣNW² = (4π/e)²/0.85, pixels whose counts a ring averages
 FLOOR_PHOTONS = 1e-3  # cells are above this share of one photon's peak: rounding noise is below it
 LEAST_CORRECTED_SHARE = 0.1
@@ -158,7 +160,7 @@ def core_peak(sigma_pix: float) -> float:
     return float(hat.max() / np.maximum(hat, 0.0).sum())
 
 
-def detect(observation: Observation, params: WavdetectParams, rng: np.random.Generator) -> pd.DataFrame:
+def detect(observation: Observation, params: WavdetectParams, rng: np.random.Generator) -> DataFrame:
     """Detections of WAVDETECT; deterministic, the generator is not used."""
     from survey_mc.detect._wavdetect.source_cells import hill_tops
 

@@ -19,7 +19,7 @@ from survey_mc.report.headline import headline_table, notices
 from survey_mc.report.markup import Html, join, tag
 from survey_mc.report.page_shell import Section, heading, page, plain_table
 from survey_mc.report.source import RunSource
-from survey_mc.report.table_columns import CPU_SECONDS, TABLES
+from survey_mc.report.table_columns import CPU_SECONDS, REPORT_TABLES
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -116,7 +116,7 @@ def _methods(lock: Mapping[str, Any]) -> Html:
 
 
 def _tables(tables: Mapping[str, DataFrame]) -> Html:
-    rows = [(t.name, t.about, len(tables[t.name]), _table_links(t.name)) for t in (*TABLES, CPU_SECONDS)]
+    rows = [(t.name, t.about, len(tables[t.name]), _table_links(t.name)) for t in REPORT_TABLES]
     note = tag("p", "Units and meanings of the columns are in the Parquet metadata and in the first lines of the CSV.")
     return join([note, plain_table(("table", "holds", "rows", "files"), rows)])
 

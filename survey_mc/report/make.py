@@ -9,7 +9,7 @@ from survey_mc.errors import BadInput
 from survey_mc.report.build import build_report
 from survey_mc.report.field_process import one_field_figures
 from survey_mc.report.tables import build_tables
-from survey_mc.store import RunData, RunLayout
+from survey_mc.store import RunData
 from survey_mc.store.digest_list import read_digests
 
 
@@ -34,18 +34,3 @@ def remake_report(run_dir: Path | str) -> None:
         make_report(run_dir)
     else:
         build_tables(data, data.layout.root)
-
-
-def current_report(run_dir: Path | str) -> Path | None:
-    """The page of a report that is as new as what it was made of; None if there is none.
-
-    The list of its digests is written after everything else, and manifest and lock file only where they change.
-    """
-    layout = RunLayout(Path(run_dir))
-    page = layout.report / "index.html"
-    try:
-        made_of = max(path.stat().st_mtime_ns for path in (layout.manifest, layout.lock_file))
-        is_newer = layout.digests.stat().st_mtime_ns > made_of
-    except OSError:
-        return None
-    return page if is_newer and page.is_file() else None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from survey_mc.columns import Table
 from survey_mc.report.aggregate import input_counts, method_tables
 from survey_mc.report.source import RunSource
-from survey_mc.report.table_columns import CPU_SECONDS, TABLES
+from survey_mc.report.table_columns import CPU_SECONDS, REPORT_TABLES, TABLES
 from survey_mc.report.table_parts import Part, Parts, declared
 from survey_mc.store.digest_list import forget_digests, write_digests
 from survey_mc.store.files import write_whole
@@ -36,7 +36,7 @@ def build_tables(source: RunSource, out_dir: Path, write_frame: WriteFrame | Non
     tables = aggregate(source)
     tables[CPU_SECONDS.name] = cpu_seconds(source)
     forget_digests(out_dir)
-    for table in (*TABLES, CPU_SECONDS):
+    for table in REPORT_TABLES:
         folder = out_dir / ("runs" if table is CPU_SECONDS else "tables")
         folder.mkdir(parents=True, exist_ok=True)
         write_frame(folder / f"{table.name}.parquet", table, tables[table.name])
@@ -47,7 +47,7 @@ def build_tables(source: RunSource, out_dir: Path, write_frame: WriteFrame | Non
 
 def table_files(out_dir: Path) -> list[Path]:
     """The files that `build_tables` writes."""
-    folders = [(table, out_dir / ("runs" if table is CPU_SECONDS else "tables")) for table in (*TABLES, CPU_SECONDS)]
+    folders = [(table, out_dir / ("runs" if table is CPU_SECONDS else "tables")) for table in REPORT_TABLES]
     return [folder / f"{table.name}.{kind}" for table, folder in folders for kind in ("parquet", "csv")]
 
 

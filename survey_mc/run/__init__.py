@@ -5,8 +5,9 @@ The names below load what they need when they are first used: to say how a run s
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from survey_mc.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from survey_mc.run.engine import RunSummary, run_campaign
@@ -34,6 +35,8 @@ _HOMES = {
     "verify_run": "verify.check",
 }
 
+__getattr__ = lazy_names(__name__, _HOMES)
+
 __all__ = [
     "CampaignPlan",
     "FieldLimits",
@@ -49,12 +52,6 @@ __all__ = [
     "simulate_field",
     "verify_run",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from survey_mc.columns import Column
 from survey_mc.detect._eml.params import EXTENDED_NU, EXTENT_NU, POINT_NU, Limits, MlFitParams, likelihood
@@ -20,6 +19,8 @@ from survey_mc.detect._shared.rows import Values, detections_frame, nearest_pixe
 from survey_mc.types import FloatArray, Observation
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from survey_mc.detect._eml.groups import Fitted
 
 ML_COLUMNS = (
@@ -75,7 +76,7 @@ def nearest_neighbour_arcsec(x_pix: FloatArray, y_pix: FloatArray, scale_arcsec:
 
 def ml_catalogue(
     observation: Observation, fitted: Fitted, cells: Cells, table: PsfTable, limits: Limits, params: MlFitParams
-) -> pd.DataFrame:
+) -> DataFrame:
     """Detections of the fitted sources."""
     from survey_mc.detect._eml.fit import AMPLITUDE, CANDIDATE, EXTENT, IS_EXTENDED, X, Y
 

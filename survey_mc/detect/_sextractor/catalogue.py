@@ -10,9 +10,9 @@ Limits   counts are what the Kron aperture holds; without aperture correction a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from survey_mc.columns import Column
@@ -31,6 +31,8 @@ from survey_mc.detect._sextractor.sep_chain import (
 from survey_mc.detect._shared.rows import COMMON_COLUMNS, Values, empty_frame, ordered_frame, rates_and_fluxes
 from survey_mc.types import BoolArray, FloatArray, FloatImage, Observation
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 N_ISOPHOTES = 8
 
 SEP_COLUMNS = (
@@ -90,7 +92,7 @@ class Search:
     relative_exposure: FloatImage | None = None
 
 
-def catalogue(observation: Observation, search: Search, params: SepParams) -> pd.DataFrame:
+def catalogue(observation: Observation, search: Search, params: SepParams) -> DataFrame:
     """Extract and measure everything above the threshold of a search image."""
     signal = np.ascontiguousarray(search.filtered - search.background)
     found = extract(signal, search.threshold, search.masked, params)

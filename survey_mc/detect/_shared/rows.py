@@ -8,29 +8,32 @@ Limits   a position in an unobserved pixel is no detection: its row is dropped.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from survey_mc.columns import DETECTIONS, REALISATION, Column
 from survey_mc.types import FloatArray, Observation
 from survey_mc.units import flux_from_rate
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
 Values = dict[str, NDArray[Any]]
 
 COMMON_COLUMNS = tuple(c for c in DETECTIONS.columns if c is not REALISATION)
 DTYPES = {"int32": np.int32, "int64": np.int64, "float64": np.float64, "bool": np.bool_, "string": np.str_}
 
 
-def empty_frame(columns: tuple[Column, ...]) -> pd.DataFrame:
+def empty_frame(columns: tuple[Column, ...]) -> DataFrame:
     """No rows, all columns with their declared dtypes."""
     return typed_frame({c.name: np.zeros(0) for c in columns}, columns)
 
 
-def typed_frame(values: Mapping[str, NDArray[Any]], columns: tuple[Column, ...]) -> pd.DataFrame:
+def typed_frame(values: Mapping[str, NDArray[Any]], columns: tuple[Column, ...]) -> DataFrame:
     """Frame with the declared columns, in their order and with their dtypes."""
+    import pandas as pd  # a driver does without
+
     return pd.DataFrame({c.name: np.asarray(values[c.name]).astype(DTYPES[c.dtype]) for c in columns})
 
 
@@ -55,14 +58,14 @@ def rates_and_fluxes(observation: Observation, values: Values) -> Values:
     }
 
 
-def ordered_frame(values: Values, columns: tuple[Column, ...]) -> pd.DataFrame:
+def ordered_frame(values: Values, columns: tuple[Column, ...]) -> DataFrame:
     """Rows by decreasing significance, then y, then x, numbered from 0 in that order."""
     order = np.lexsort((values["x_pix"], values["y_pix"], -values["significance"]))
     values = {**values, "det_id": np.argsort(order)}
     return typed_frame(values, columns).iloc[order].reset_index(drop=True)
 
 
-def detections_frame(observation: Observation, values: Values, extra_columns: tuple[Column, ...]) -> pd.DataFrame:
+def detections_frame(observation: Observation, values: Values, extra_columns: tuple[Column, ...]) -> DataFrame:
     """The detections of a procedure.
 
     values: (n,) arrays x_pix, y_pix, x_err_pix, y_err_pix, counts, counts_err, background_per_pix, significance,
