@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import pyarrow as pa
+
 from survey_mc.errors import DamagedStore
 from survey_mc.run.work import Range
-from survey_mc.store import Family, Manifest, Piece, Record, RunLayout, commit_piece, read_stored
+from survey_mc.store import Family, Manifest, Piece, Record, RunLayout
 from survey_mc.store.files import entries, what_it_is
 from survey_mc.store.manifest import REMEDY
+from survey_mc.store.parquet import write_piece
 from survey_mc.store.replacement import finish_replacements
+from survey_mc.store.stored_rows import stored_table
 from survey_mc.store.strays import is_committed_name, unfinished_writes
 
 
@@ -30,13 +34,10 @@ def pack_shard(layout: RunLayout, manifest: Manifest, family: Family, shard: Ran
 
 
 def _join(layout: RunLayout, manifest: Manifest, family: Family, parts: list[Record]) -> None:
-    import pandas as pd
-
     whole = Piece(family, parts[0].piece.start, parts[-1].piece.stop)
     # Parts of an older version are joined as what they are today.
-    stored = [read_stored(layout, part) for part in parts]
-    frame = pd.concat([rows for _, rows in stored], ignore_index=True)
-    manifest.add([commit_piece(layout, whole, stored[0][0], frame)])
+    data = pa.concat_tables([stored_table(layout, part) for part in parts]).combine_chunks()
+    manifest.add([write_piece(layout, whole, data, layout.root / whole.path)])
     manifest.drop(part.piece for part in parts)
     for part in parts:
         (layout.root / part.piece.path).unlink(missing_ok=True)

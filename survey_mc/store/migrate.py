@@ -20,7 +20,7 @@ from survey_mc.store.lock_file import LOCK_SCHEMA, lock_digest, lock_text, read_
 from survey_mc.store.manifest import REMEDY, Manifest, Record
 from survey_mc.store.parquet import write_piece
 from survey_mc.store.replacement import finish_replacements, replace_piece, waiting_path
-from survey_mc.store.stored_rows import read_stored
+from survey_mc.store.stored_rows import stored_table
 from survey_mc.store.upgrades import is_present
 
 
@@ -65,5 +65,5 @@ def _is_of_today(layout: RunLayout, record: Record) -> bool:
 
 
 def _rewrite(layout: RunLayout, manifest: Manifest, record: Record) -> None:
-    table, rows = read_stored(layout, record)
-    replace_piece(layout, manifest, write_piece(layout, record.piece, table, rows, waiting_path(layout, record.piece)))
+    data = stored_table(layout, record)
+    replace_piece(layout, manifest, write_piece(layout, record.piece, data, waiting_path(layout, record.piece)))

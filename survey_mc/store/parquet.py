@@ -123,13 +123,13 @@ def _write_whole(temporary: Path, final: Path, data: pa.Table) -> str:
 
 def commit_piece(layout: RunLayout, piece: Piece, table: Table, rows: DataFrame | ArrayFrame) -> Record:
     """Store a piece; done twice it writes the same bytes to the same name. Its record has to enter the manifest."""
-    return write_piece(layout, piece, table, rows, layout.root / piece.path)
+    return write_piece(layout, piece, arrow_table(table, rows), layout.root / piece.path)
 
 
-def write_piece(layout: RunLayout, piece: Piece, table: Table, rows: DataFrame | ArrayFrame, final: Path) -> Record:
-    """Write the file of a piece, at its place or where it waits to take it."""
-    digest = _write_whole(layout.temporary / f"{uuid.uuid4().hex}.parquet", final, arrow_table(table, rows))
-    return Record(piece, digest, len(rows), final.stat().st_size, table.version)
+def write_piece(layout: RunLayout, piece: Piece, data: pa.Table, final: Path) -> Record:
+    """Write the file of a piece, at its place or where it waits to take it. data: with the schema of its table."""
+    digest = _write_whole(layout.temporary / f"{uuid.uuid4().hex}.parquet", final, data)
+    return Record(piece, digest, data.num_rows, final.stat().st_size, int(data.schema.metadata[b"schema_version"]))
 
 
 def piece_table(layout: RunLayout, piece: Piece) -> Table:

@@ -43,15 +43,20 @@ def read_piece(layout: RunLayout, record: Record, columns: Sequence[str] | None 
 
 def read_stored(layout: RunLayout, record: Record) -> tuple[Table, DataFrame]:
     """The declared table, as it is today, and the rows of a committed file."""
+    data = stored_table(layout, record)
+    return table_of_schema(data.schema), data.to_pandas(ignore_metadata=True)
+
+
+def stored_table(layout: RunLayout, record: Record) -> pa.Table:
+    """The same as an Arrow table with the schema that it would be stored with today."""
     name, where = record.piece.family.table, str(layout.root / record.piece.path)
     is_of_today = is_present(name, record.schema_version, where)
     file = _opened(layout, record)
-    rows = _rows(file, where)
     if is_of_today:
-        return table_of_schema(file.schema_arrow), rows
-    rows = upgraded(name, record.schema_version, rows, where)
-    table = present_table(name, columns_of_schema(file.schema_arrow), rows)
-    return table, _converted(table, rows, where)
+        # What Arrow has noted about the file in its schema is not of the table.
+        return _arrow_rows(file, where).cast(arrow_schema(table_of_schema(file.schema_arrow)))
+    rows = upgraded(name, record.schema_version, _rows(file, where), where)
+    return _converted(present_table(name, columns_of_schema(file.schema_arrow), rows), rows, where)
 
 
 def committed_bytes(layout: RunLayout, record: Record) -> bytes:
@@ -110,13 +115,17 @@ def _opened(layout: RunLayout, record: Record) -> pq.ParquetFile:
 
 
 def _rows(file: pq.ParquetFile, where: str, columns: Sequence[str] | None = None) -> DataFrame:
+    return _arrow_rows(file, where, columns).to_pandas(ignore_metadata=True)
+
+
+def _arrow_rows(file: pq.ParquetFile, where: str, columns: Sequence[str] | None = None) -> pa.Table:
     try:
-        return file.read(columns=list(columns) if columns else None, use_threads=False).to_pandas(ignore_metadata=True)
+        return file.read(columns=list(columns) if columns else None, use_threads=False)
     except (OSError, pa.ArrowException) as problem:
         raise DamagedStore(f"{where}: cannot be read ({str(problem)[:120]}); {REMEDY}") from None
 
 
-def _converted(table: Table, rows: DataFrame, where: str) -> DataFrame:
+def _converted(table: Table, rows: DataFrame, where: str) -> pa.Table:
     """Rows with the declared types; `BadInput` where that would change a number."""
     for column in table.columns:
         if column.dtype != "string":
@@ -127,4 +136,4 @@ def _converted(table: Table, rows: DataFrame, where: str) -> DataFrame:
                 same = False
             if not same:
                 raise BadInput(where, f"{table.name}.{column.name} has values that do not fit into {column.dtype}")
-    return arrow_table(table, rows).to_pandas()
+    return arrow_table(table, rows)
