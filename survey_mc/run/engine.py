@@ -21,6 +21,7 @@ from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usa
 from survey_mc.run.gaps import Gaps, known_gaps
 from survey_mc.run.harvest import Harvest, Progress
 from survey_mc.run.journal import Journal
+from survey_mc.run.order import Order
 from survey_mc.run.pack import drop_superseded, pack_shard, sweep
 from survey_mc.run.plan.pace import Pace, block_size
 from survey_mc.run.quarantine.attempts import forget
@@ -115,16 +116,21 @@ def _run_locked(
         _tidy(layout, manifest, cells, per_file)
         return _summary(layout, cells, manifest, gaps, 0, {})
     most = block or block_size(n_fields, _expected_workers(choice), per_file)
-    pace = Pace(most, fixed=block is not None)
     journal = Journal(layout)
     with _ended_on_purpose(layout), _opened(choice) as executor:
         journal.start(executor.name, executor.workers, n_fields, most)
+        pace = Pace(most, fixed=block is not None, n_fields=n_fields, workers=executor.workers)
         harvest = Harvest(campaign, cells, layout, manifest, journal, gaps, pace)
         # Orders are made lazily, from the manifest as it is now, while the live one grows.
         todo = orders(campaign, cells, Manifest(layout.manifest), layout.root, pace.block, left_alone)
         versions = library_versions()
-        sent = (equipped(order, cells[order.cell_index], limits, suspects, versions) for order in todo)
-        harvest.gather(executor, sent, n_fields, on_progress)
+
+        def sent() -> Iterator[Order]:
+            for order in todo:
+                pace.hand_out(order.n_fields)
+                yield equipped(order, cells[order.cell_index], limits, suspects, versions)
+
+        harvest.gather(executor, sent(), n_fields, on_progress)
     forget(layout.attempts)
     _tidy(layout, manifest, cells, per_file)
     summary = _summary(layout, cells, manifest, gaps, n_fields, harvest.causes)

@@ -49,6 +49,22 @@ def test_of_an_unknown_cell_little_is_ordered_and_a_fixed_number_is_kept() -> No
     assert fixed.block(0) == 64
 
 
+@given(st.integers(2, 16), st.integers(1, 3000), st.integers(1, 100))
+def test_the_last_orders_are_small_and_a_single_worker_gets_whole_ones(workers: int, n_fields: int, most: int) -> None:
+    for n in (workers, 1):
+        pace = Pace(most, n_fields=n_fields, workers=n)
+        pace.book(0, 1, spent(1e-6))
+        sizes = []
+        while pace.n_left > 0:
+            left = pace.n_left
+            sizes.append(min(pace.block(0), left))
+            pace.hand_out(sizes[-1])
+            if n > 1:
+                assert sizes[-1] <= max(FIRST_FIELDS, left / n)
+        assert sum(sizes) == n_fields
+        assert n > 1 or sizes[:-1] == [most] * (len(sizes) - 1)
+
+
 @given(st.integers(1, 100_000), st.integers(1, 64), st.integers(1, 1000))
 def test_every_worker_gets_several_orders(n_fields: int, workers: int, per_file: int) -> None:
     block = block_size(n_fields, workers, per_file)

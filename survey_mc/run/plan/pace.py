@@ -2,7 +2,8 @@
 
 Idea     an order is what is lost when a process dies and what a worker is busy with while the others wait at the end,
          so it should take some seconds; and each costs the driver some milliseconds, so fast fields come in whole
-         files. How long a field takes is learnt from the orders that are done. No result depends on it.
+         files. How long a field takes is learnt from the orders that are done. The last orders are halves, quarters
+         and eighths of a file, so that no worker waits long for another's last. No result depends on it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from survey_mc.run.order import Outcome
 
 ORDERS_PER_WORKER = 8  # enough to even out unequal fields, few enough to keep the overhead of an order small
+LAST_ORDERS_PER_WORKER = 2
 ORDER_SECONDS = 15.0
 FIRST_FIELDS = 8  # in an order of a cell of which nothing is known
 
@@ -20,10 +22,12 @@ def block_size(n_fields: int, workers: int, per_file: int) -> int:
 
 
 class Pace:
-    """most: fields in an order of fast fields. fixed: all orders have that many, whatever they take."""
+    """most: fields in an order of fast fields. fixed: all orders have that many, whatever they take. n_fields, workers:
+    what is to be done, and by how many."""
 
-    def __init__(self, most: int, *, fixed: bool = False) -> None:
+    def __init__(self, most: int, *, fixed: bool = False, n_fields: int = 0, workers: int = 1) -> None:
         self.most, self.fixed = most, fixed
+        self.n_left, self.workers = n_fields, workers
         self._spent: dict[int, tuple[int, float]] = {}
 
     def book(self, cell_index: int, n_fields: int, outcome: Outcome) -> None:
@@ -32,6 +36,18 @@ class Pace:
         spent_s = sum(cost.wall_s for cost in outcome.costs.values())
         self._spent[cell_index] = fields + n_fields, wall_s + spent_s
 
+    def hand_out(self, n_fields: int) -> None:
+        """An order of that many fields is on its way."""
+        self.n_left -= n_fields
+
+    def _most_now(self) -> int:
+        """The most fields that leave some orders for every worker."""
+        most = self.most
+        if self.workers > 1:
+            while most > FIRST_FIELDS and most * LAST_ORDERS_PER_WORKER * self.workers > self.n_left:
+                most = (most + 1) // 2
+        return most
+
     def block(self, cell_index: int) -> int:
         """Fields in the next order of a cell."""
         if self.fixed:
@@ -39,4 +55,4 @@ class Pace:
         fields, wall_s = self._spent.get(cell_index, (0, 0.0))
         if not fields:
             return min(self.most, FIRST_FIELDS)
-        return max(1, min(self.most, int(ORDER_SECONDS * fields / max(wall_s, 1e-9))))
+        return max(1, min(self._most_now(), int(ORDER_SECONDS * fields / max(wall_s, 1e-9))))
