@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
 import signal
 import threading
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 SAFE_PATH = "PYTHONSAFEPATH"
 PATIENCE_S, START_S = 30.0, 120.0  # for all workers, for one
+MAIN_GUARD = 'a script that starts a run does so below `if __name__ == "__main__":`'
 LOSSES_ALLOWED = 5  # of each worker, while they start
 WORKER_DEATHS_ALLOWED = 10  # before an order comes back, to be sent again or given up
 MALLOC_THRESHOLD_BYTES = 128 * 1024 * 1024
@@ -32,6 +34,7 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[LocalWor
     import dask
     from distributed import Client, LocalCluster
 
+    _refuse_inside_a_start()
     if dashboard_port is not None:
         _need_bokeh()
     settings = {
@@ -106,7 +109,8 @@ class LocalWorkers:
                 return
             if self.n_lost >= LOSSES_ALLOWED * self.n or waited_s > START_S:
                 raise SurveyError(
-                    f"the {self.n} worker processes did not start; try again, with fewer --workers or --serial"
+                    f"the {self.n} worker processes did not start; try again, with fewer --workers or --serial; "
+                    f"{MAIN_GUARD}"
                 )
             time.sleep(0.05)
             self.replace_lost()
@@ -147,6 +151,12 @@ def _end_at_once(cluster: LocalCluster) -> None:
         nanny.close_gracefully()  # so that it starts no other worker
         if nanny.pid:
             os.kill(nanny.pid, signal.SIGKILL)
+
+
+def _refuse_inside_a_start() -> None:
+    """A worker imports the script that started it; one that starts a run while it is imported would go on for ever."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SurveyError(f"a worker process imports the script that started it: {MAIN_GUARD}")
 
 
 def _need_bokeh() -> None:
