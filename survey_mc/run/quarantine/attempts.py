@@ -17,7 +17,7 @@ import signal
 import socket
 import uuid
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
@@ -106,8 +106,8 @@ class AttemptNote:
             raise FieldTimeout
 
     def _write(self, place: Place | None) -> None:
-        content = self._head | {"place": None if place is None else asdict(place)}
-        os.pwrite(self._file.fileno(), json.dumps(content).encode().ljust(PLACE_BYTES), 0)
+        where = None if place is None else {name: getattr(place, name) for name in Place.__slots__}
+        os.pwrite(self._file.fileno(), json.dumps(self._head | {"place": where}).encode().ljust(PLACE_BYTES), 0)
 
     def __exit__(
         self, kind: type[BaseException] | None, problem: BaseException | None, at: TracebackType | None
