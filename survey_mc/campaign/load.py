@@ -22,9 +22,9 @@ from survey_mc.campaign.schema import Campaign
 from survey_mc.campaign.sentences import sentence_of
 from survey_mc.errors import BadInput, DamagedStore
 from survey_mc.files import read_regular
+from survey_mc.lock_form import loose_content
 
 MAX_CAMPAIGN_BYTES = 100_000
-MAX_LOCK_BYTES = 16_000_000  # of a campaign.lock.json; the largest campaign that is allowed has a few million
 MAX_DOTS = 200  # in one dotted key; the parser takes seconds and gigabytes over a key of 10⁵ parts
 _KEY_END = re.compile(r"[=,\[\]{}\n]")
 _COMMENT_LINE = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
@@ -54,10 +54,10 @@ def load_run_campaign(run_dir: Path) -> Campaign:
     path = run_dir / "campaign.toml"
     if not path.is_file():
         raise BadInput(str(run_dir), "is not a run directory (it has no campaign.toml)")
+    lock, _ = loose_content(run_dir / "campaign.lock.json")
     try:
-        lock = json.loads(read_regular(run_dir / "campaign.lock.json", MAX_LOCK_BYTES))
         campaign_sha256, inputs_sha256 = lock["campaign_sha256"], lock["inputs_sha256"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except KeyError:
         raise DamagedStore(f"{run_dir}: its campaign.lock.json is missing or damaged; run the campaign again") from None
     remedy = "is not what the run was made with; `survey-mc run` with the campaign file writes it again"
     text = read_campaign_text(path)

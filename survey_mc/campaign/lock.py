@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import platform
 from functools import cache
 from importlib.metadata import version
@@ -14,8 +13,8 @@ from survey_mc.campaign.cells import Cell, expand
 from survey_mc.campaign.draw import cell_response
 from survey_mc.campaign.schema import Campaign
 from survey_mc.detect import DETECTORS
+from survey_mc.lock_form import with_digest
 
-LOCK_SCHEMA = 2  # what `store.read_lock` reads; 2: cells have the observed area of their region
 _LIBRARIES = ("numpy", "scipy", "numba", "sep", "pandas", "pyarrow", "astropy", "dask", "distributed", "pydantic")
 
 
@@ -40,7 +39,6 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
     The campaign file is in it verbatim: of the two, each can be made again from the other. digest: SHA-256 of the rest.
     """
     content: dict[str, Any] = {
-        "lock_schema": LOCK_SCHEMA,
         "name": campaign.name,
         "about": campaign.about,
         "seed": campaign.seed,
@@ -62,7 +60,7 @@ def lock_content(campaign: Campaign) -> dict[str, Any]:
         "campaign": campaign.model_dump(mode="json", by_alias=True),
         "campaign_text": campaign.text,
     }
-    return content | {"digest": hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()}
+    return with_digest(content)
 
 
 def _cell_entry(campaign: Campaign, cell: Cell) -> dict[str, Any]:

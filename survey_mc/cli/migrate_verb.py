@@ -14,9 +14,10 @@ from survey_mc.cli.options import json_option, print_json, run_argument
 @json_option
 def migrate(run: Path, as_json: bool) -> None:
     """Rewrite what an older version stored as this one stores it; no row and no value is lost."""
+    from survey_mc.cli.progress import show_files
     from survey_mc.store import migrate_run
 
-    done = migrate_run(run)
+    done = migrate_run(run, show_files(run))
     if as_json:
         print_json({"files": done.files, "rewritten": done.rewritten, "lock": done.lock})
     else:

@@ -6,10 +6,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import click
 
 from survey_mc.cli.options import human_rate, human_time
+from survey_mc.cli.say import say
 from survey_mc.run import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
@@ -84,3 +86,19 @@ class _Lines:
             left_s = elapsed_s / state.done * (state.total - state.done)
             text += f", {human_rate(state.done / elapsed_s)}, {human_time(left_s)} left"
         click.echo(text + _remarks(state), err=True)
+
+
+def show_files(run: Path) -> Callable[[str], None]:
+    """A function to call before each file of a run directory: a line every few seconds."""
+    begun_s = last_s = time.monotonic()
+    n_done = 0
+
+    def show(path: str) -> None:
+        nonlocal last_s, n_done
+        now = time.monotonic()
+        if now - last_s >= SECONDS_BETWEEN_LINES:
+            last_s = now
+            say(f"{run}: {n_done} files done, {human_time(now - begun_s)}", err=True)
+        n_done += 1
+
+    return show

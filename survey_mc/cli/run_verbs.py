@@ -99,11 +99,19 @@ def verify(
     as_json: bool,
 ) -> int:
     """Check every file (checksum, schema, rows, strays); compute random fields again and compare to the last bit."""
+    from survey_mc.cli.progress import show_files
     from survey_mc.report import remake_report
     from survey_mc.run import verify_run
 
     result = verify_run(
-        run, n_replay, repair=repair, seed=seed, executor=executor, limits=limits, remake_report=remake_report
+        run,
+        n_replay,
+        repair=repair,
+        seed=seed,
+        executor=executor,
+        limits=limits,
+        remake_report=remake_report,
+        on_file=show_files(run),
     )
     if as_json:
         print_json(

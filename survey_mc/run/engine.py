@@ -16,6 +16,7 @@ from survey_mc.campaign import Campaign, Cell, expand, load_campaign, lock_conte
 from survey_mc.campaign.inputs import resolve_input
 from survey_mc.campaign.lock import library_versions
 from survey_mc.errors import BadInput, SurveyError
+from survey_mc.lock_form import lock_text, loose_content
 from survey_mc.run.disk import disk_sentence, is_disk_problem
 from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.gaps import Gaps, known_gaps
@@ -30,7 +31,6 @@ from survey_mc.run.quarantine.suspects import equipped, find_suspects
 from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock
 from survey_mc.store.files import is_plain, temporary_path, what_it_is, write_whole
-from survey_mc.store.lock_file import lock_text, loose_content
 
 RESULTS_FOLDER = "results"
 
@@ -103,7 +103,7 @@ def _run_locked(
     refuse_foreign(campaign, layout)
     manifest = Manifest(layout.manifest)
     sweep(layout, manifest)
-    if manifest.is_torn or manifest.unreadable_lines or not layout.manifest.exists():
+    if manifest.is_torn or manifest.damaged_lines or not layout.manifest.exists():
         manifest.compact()
     write_campaign(campaign, layout)
     gaps = Gaps() if retry_failed else known_gaps(RunData(layout.root).journal_lines())

@@ -1,40 +1,25 @@
 """The lock file of a run: is it as it was written, and by which version?
 
-Idea     it carries the SHA-256 of its own content and has one form in which it may be written, so that every changed
-         byte is seen. What older versions wrote is brought up to date when it is read.
+Idea     see `lock_form` for how every changed byte is seen. What older versions wrote is brought up to date when it is
+         read.
 Limits   lock files of the first versions have no SHA-256; of those only the form and the names of the entries are
          checked. The next run of their campaign gives them one.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from survey_mc.errors import BadInput
-from survey_mc.files import read_regular
+from survey_mc.lock_form import DIGEST, LOCK_SCHEMA, lock_digest, lock_text, loose_content
 from survey_mc.store.files import is_plain, what_it_is
 
-LOCK_SCHEMA = 2  # as `campaign.lock` writes it; 2: cells have the observed area of their region
-MAX_LOCK_BYTES = 16_000_000  # the largest campaign that is allowed has a few million
-_DIGEST = "digest"
 _OLD_ENTRIES = {"about", "campaign", "cells", "lock_schema", "methods", "name", "seed", "versions"}
 _OLD_DIGESTS = {"campaign_sha256", "inputs_sha256"}  # the very first had none
 REMEDY = "`survey-mc verify --repair`, or `survey-mc run` with the campaign file, writes it again"
-
-
-def lock_digest(content: Mapping[str, Any]) -> str:
-    """SHA-256 of a lock's content without its digest."""
-    bare = {name: value for name, value in content.items() if name != _DIGEST}
-    return hashlib.sha256(json.dumps(bare, sort_keys=True).encode()).hexdigest()
-
-
-def lock_text(content: Mapping[str, Any]) -> str:
-    """The one form in which a lock file is written."""
-    return json.dumps(content, indent=1, sort_keys=True) + "\n"
 
 
 def read_lock(path: Path) -> dict[str, Any]:
@@ -66,8 +51,8 @@ def lock_problem(path: Path) -> str:
         return "it cannot be read"
     newer = f"lock_schema {schema}, this survey_mc reads {LOCK_SCHEMA}"
     is_whole = lock_text(content).encode() == raw
-    if _DIGEST in content:
-        is_whole = is_whole and content[_DIGEST] == lock_digest(content)
+    if DIGEST in content:
+        is_whole = is_whole and content[DIGEST] == lock_digest(content)
     else:
         is_whole = is_whole and set(content) - _OLD_DIGESTS == _OLD_ENTRIES and schema <= LOCK_SCHEMA
     if not is_whole:
@@ -76,17 +61,6 @@ def lock_problem(path: Path) -> str:
     if schema > LOCK_SCHEMA:
         raise BadInput(str(path), f"was written by a later version ({newer}); install a newer survey_mc")
     return "" if schema in (LOCK_SCHEMA, *_UPGRADES) else f"there never was a lock_schema {schema}"
-
-
-def loose_content(path: Path) -> tuple[dict[str, Any], bytes]:
-    """What a lock file says, whole or not, empty if it is no JSON object; and its bytes."""
-    raw = b""
-    try:
-        raw = read_regular(path, MAX_LOCK_BYTES)
-        content = json.loads(raw.decode("utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}, raw
-    return content if isinstance(content, dict) else {}, raw
 
 
 def _with_observed_areas(content: dict[str, Any]) -> dict[str, Any]:

@@ -87,11 +87,6 @@ class Manifest:
         elif what_it_is(path) and not tolerant:
             raise DamagedStore(f"{path}: is {what_it_is(path)}, not a file; {REMEDY}")
 
-    @property
-    def unreadable_lines(self) -> tuple[int, ...]:
-        """Numbers of the damaged lines."""
-        return tuple(self.damaged_lines)
-
     def __iter__(self) -> Iterator[Record]:
         for family in sorted(self._families):
             yield from self.records(family)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from survey_mc.errors import DamagedStore
+from survey_mc.lock_form import lock_text, with_digest
 from survey_mc.store.files import write_whole
 from survey_mc.store.layout import RunLayout
 from survey_mc.store.lock import run_lock
-from survey_mc.store.lock_file import LOCK_SCHEMA, lock_digest, lock_text, read_lock
+from survey_mc.store.lock_file import read_lock
 from survey_mc.store.manifest import REMEDY, Manifest, Record
 from survey_mc.store.parquet import write_piece
 from survey_mc.store.replacement import finish_replacements, replace_piece, waiting_path
@@ -53,7 +54,7 @@ def migrate_run(run_dir: Path | str, on_file: Callable[[str], None] = lambda pat
             _rewrite(layout, manifest, record)
         if layout.manifest.is_file():
             manifest.compact()
-        text = lock_text(lock | {"lock_schema": LOCK_SCHEMA, "digest": lock_digest(lock)}).encode()
+        text = lock_text(with_digest(lock)).encode()
         is_older = layout.lock_file.read_bytes() != text
         if is_older:
             write_whole(layout.lock_file, text)

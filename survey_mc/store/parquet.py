@@ -156,7 +156,9 @@ def read_frame(path: Path) -> DataFrame:
     if not path.is_file():
         raise DamagedStore(f"{path}: is not a file; {remedy}")
     try:
-        return pq.read_table(path, page_checksum_verification=True, use_threads=False, partitioning=None).to_pandas()
+        return pq.read_table(path, page_checksum_verification=True, use_threads=False, partitioning=None).to_pandas(
+            ignore_metadata=True
+        )
     except (OSError, pa.ArrowException) as problem:
         raise DamagedStore(f"{path}: cannot be read ({str(problem)[:120]}); {remedy}") from None
 

@@ -18,12 +18,13 @@ from typing import Any
 
 import pyarrow as pa
 
+from survey_mc.lock_form import loose_content
 from survey_mc.store.damage import Damage
 from survey_mc.store.digest_list import read_digests, table_damages
 from survey_mc.store.files import file_sha256, is_plain, what_it_is
 from survey_mc.store.journal_lines import read_lines, torn_end
 from survey_mc.store.layout import OWN_FOLDERS, STORE_FOLDER, Piece, RunLayout
-from survey_mc.store.lock_file import lock_problem, loose_content
+from survey_mc.store.lock_file import lock_problem
 from survey_mc.store.manifest import Manifest, Record
 from survey_mc.store.stored_rows import batches, parquet_file, schema_problem
 from survey_mc.store.strays import FROM_KILLED, strays, unfinished_writes

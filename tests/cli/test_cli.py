@@ -10,7 +10,7 @@ import pytest
 from astropy.io import fits
 from small_campaigns import MR1, TEXT
 
-from survey_mc.cli import main
+from survey_mc.cli import main, progress
 from survey_mc.detect import DETECTORS
 from survey_mc.fits import read_catalogue, read_counts_image
 from survey_mc.run import simulate_field
@@ -131,6 +131,17 @@ def test_status_and_verify_of_a_sound_run(finished: Path, capsys: pytest.Capture
     code, out, _ = call(capsys, "verify", finished, "--replay", "3")
     assert code == 0
     assert "14 files checked, 0 damaged; 3 fields computed again, 0 tables differ" in out
+
+
+def test_verify_tells_on_stderr_how_far_it_is(
+    finished: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    code, out, err = call(capsys, "verify", finished)
+    n_files = sum(1 for _ in RunLayout(finished).piece_files())
+    assert code == 0
+    assert out.startswith(f"{n_files} files checked, 0 damaged")
+    assert [line.split(", ")[0] for line in err.splitlines()] == [f"{finished}: {n} files done" for n in range(n_files)]
 
 
 def test_verify_finds_and_repairs_damage(campaign: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

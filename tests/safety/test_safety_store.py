@@ -25,10 +25,10 @@ from small_campaigns import TEXT
 from survey_mc import open_run
 from survey_mc.detect import DETECTORS
 from survey_mc.errors import SurveyError
+from survey_mc.lock_form import lock_digest, lock_text
 from survey_mc.report.markup import Html, tag, text
 from survey_mc.report.page_shell import EMBEDDED_ONLY, FILES_BESIDE, Section, heading, page, plain_table
 from survey_mc.store import Manifest
-from survey_mc.store.lock_file import lock_digest, lock_text
 
 SMALL = TEXT.replace("realisations = 6", "realisations = 1").replace("n_pix = 128", "n_pix = 64")
 HOSTILE = "<script>alert('x')</script><img src=http://evil/x onerror=alert(1)>\"'><svg/onload=alert(1)>&#60;b&gt;"

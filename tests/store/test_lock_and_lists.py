@@ -13,11 +13,12 @@ from older_runs import older_run
 
 from survey_mc.campaign import load_run_campaign, lock_content
 from survey_mc.errors import BadInput, RunLocked
+from survey_mc.lock_form import lock_digest, lock_text
 from survey_mc.run.pack import sweep
 from survey_mc.store import Manifest, RunData, RunLayout, run_lock, verify_directory
 from survey_mc.store.digest_list import read_digests, write_digests
 from survey_mc.store.files import entries, set_aside, write_whole
-from survey_mc.store.lock_file import lock_digest, lock_problem, lock_text, read_lock
+from survey_mc.store.lock_file import lock_problem, read_lock
 
 N_FLIPS = 300
 

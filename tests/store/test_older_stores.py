@@ -8,10 +8,11 @@ import pytest
 from older_runs import FIXTURES, VERSIONS, older_run
 
 from survey_mc.errors import BadInput
+from survey_mc.lock_form import LOCK_SCHEMA, lock_digest, lock_text
 from survey_mc.run import open_run, verify_run
 from survey_mc.store import RunData, RunLayout, migrate_run
 from survey_mc.store.files import file_sha256
-from survey_mc.store.lock_file import LOCK_SCHEMA, lock_digest, lock_text, read_lock
+from survey_mc.store.lock_file import read_lock
 
 # What the versions stored of three fields with one source or so in each.
 N_TRUTH, N_DETECTIONS, N_MATCHES = 4, 4, 8

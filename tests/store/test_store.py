@@ -183,10 +183,3 @@ def test_what_is_no_run_directory_is_refused(tmp_path: Path, content: str | None
 
     with pytest.raises(BadInput, match=str(tmp_path)):
         RunData(tmp_path)
-
-
-def test_reader_and_writer_of_the_lock_mean_the_same_version() -> None:
-    from survey_mc.campaign.lock import LOCK_SCHEMA as WRITTEN
-    from survey_mc.store.lock_file import LOCK_SCHEMA as READ
-
-    assert READ == WRITTEN

@@ -17,6 +17,7 @@ from itertools import pairwise
 
 from survey_mc.campaign import Campaign, Cell, expand, load_run_campaign, parse_campaign
 from survey_mc.errors import DamagedStore, SurveyError
+from survey_mc.lock_form import loose_content
 from survey_mc.run.engine import RunSummary, run_campaign, write_campaign
 from survey_mc.run.executors import Executor, ExecutorChoice, open_executor, usable_cores
 from survey_mc.run.executors.protocol import Result
@@ -28,7 +29,6 @@ from survey_mc.store import Damage, Family, Manifest, Piece, Record, RunLayout
 from survey_mc.store.files import is_plain, set_aside, what_it_is, write_whole
 from survey_mc.store.journal_lines import drop_damaged_lines
 from survey_mc.store.layout import is_journal_name
-from survey_mc.store.lock_file import loose_content
 
 Ranges = dict[Family, list[tuple[int, int]]]
 
