@@ -6,6 +6,7 @@ Idea     results go to stdout, progress and sentences to stderr. Exit codes: 0 d
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from types import FrameType
@@ -56,6 +57,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave with its exit code; a `SurveyError` is printed as its one sentence."""
     signal.signal(signal.SIGTERM, _interrupt)
+    # Arrow's own heap would be one beside that of everything else, of 20 MB.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     try:
         _refuse_undecodable(sys.argv[1:] if arguments is None else arguments)
         code = cli.main(args=arguments, prog_name="survey-mc", standalone_mode=False)

@@ -21,20 +21,12 @@ from survey_mc.telescope import _draw, _order
 from survey_mc.telescope.beta_model import profile_directions
 from survey_mc.telescope.response import Response
 from survey_mc.telescope.vignetting import VALID_ARCMIN
-from survey_mc.types import Field, FloatArray, IntArray, Observation, Sky, SkyImage
+from survey_mc.types import SKY_COLUMNS, Field, FloatArray, IntArray, Observation, Sky, SkyImage
 from survey_mc.units import ARCSEC_PER_ARCMIN, flux_from_rate
 
 Streams = Callable[[str], np.random.Generator]
 
-_COPIED = (
-    "flux_cgs",
-    "rate_cps",
-    "core_radius_arcsec",
-    "beta",
-    "redshift",
-    "group_id",
-    "group_sep_arcsec",
-)
+_COPIED = tuple(name for name in SKY_COLUMNS if name not in ("kind", "x_arcsec", "y_arcsec"))
 
 
 def expose(sky: Sky, response: Response, rng: Streams, key: str) -> Field:
