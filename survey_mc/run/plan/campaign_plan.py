@@ -26,8 +26,9 @@ from survey_mc.store import Family, Manifest, RunData, RunLayout
 from survey_mc.store.parquet import empty_frame, encoded_bytes
 
 PACK: Stage = ("", "pack")
-# Joining the parts of a file beside writing them: they are read, and written again in one piece. Measured 0.6 to 0.9.
-PACKING_PER_COMMIT = 0.8
+# Joining the parts of a file beside writing them: they are read, and written again in one piece. Measured 0.5 (small
+# fields) to 2 (large ones).
+PACKING_PER_COMMIT = 1.0
 RESTORED_S = 0.002  # CPU of giving the stored detections of a field to its matching
 ORDERS_AHEAD = 3  # of each worker, before anything is known of their pace
 # Measured on an unshared machine: a local cluster with its workers' imports; what the driver does for an order; wall
