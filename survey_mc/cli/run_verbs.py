@@ -100,7 +100,6 @@ def verify(
 ) -> int:
     """Check every file (checksum, schema, rows, strays); compute random fields again and compare to the last bit."""
     from survey_mc.cli.progress import show_files
-    from survey_mc.report import remake_report
     from survey_mc.run import verify_run
 
     result = verify_run(
@@ -110,7 +109,7 @@ def verify(
         seed=seed,
         executor=executor,
         limits=limits,
-        remake_report=remake_report,
+        remake_report=_remake_report,
         on_file=show_files(run),
     )
     if as_json:
@@ -143,6 +142,12 @@ def verify(
         if result.n_damaged and not repair:
             say(f"Repair: survey-mc verify {shlex.quote(str(run))} --repair", err=True)
     return 0 if result.sound or result.mended else EXIT_DAMAGED_STORE
+
+
+def _remake_report(run: Path) -> None:
+    from survey_mc.report import remake_report  # loads pandas, which a sound run does without
+
+    remake_report(run)
 
 
 @click.command()
