@@ -50,19 +50,24 @@ def test_of_an_unknown_cell_little_is_ordered_and_a_fixed_number_is_kept() -> No
 
 
 @given(st.integers(2, 16), st.integers(1, 3000), st.integers(1, 100))
-def test_the_last_orders_are_small_and_a_single_worker_gets_whole_ones(workers: int, n_fields: int, most: int) -> None:
-    for n in (workers, 1):
+def test_the_last_orders_are_small_where_that_is_worth_joining_their_files(
+    workers: int, n_fields: int, most: int
+) -> None:
+    for n, commit_s in ((workers, 1e-9), (workers, 1e-6), (1, 1e-9)):
         pace = Pace(most, n_fields=n_fields, workers=n)
-        pace.book(0, 1, spent(1e-6))
+        cost = spent(1e-6)
+        cost.costs["G", "commit"] = Cost(1, commit_s, commit_s)
+        pace.book(0, 1, cost)
+        is_worth_it = n > 1 and commit_s < 1e-6
         sizes = []
         while pace.n_left > 0:
             left = pace.n_left
             sizes.append(min(pace.block(0), left))
             pace.hand_out(sizes[-1])
-            if n > 1:
+            if is_worth_it:
                 assert sizes[-1] <= max(FIRST_FIELDS, left / n)
         assert sum(sizes) == n_fields
-        assert n > 1 or sizes[:-1] == [most] * (len(sizes) - 1)
+        assert is_worth_it or sizes[:-1] == [most] * (len(sizes) - 1)
 
 
 @given(st.integers(1, 100_000), st.integers(1, 64), st.integers(1, 1000))
