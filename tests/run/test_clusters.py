@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -136,3 +138,35 @@ def test_no_scheduler_there_is_one_sentence(campaign: Path, tmp_path: Path) -> N
     assert code == 2
     assert said.startswith(f"survey-mc: tcp://127.0.0.1:{port}: no dask scheduler answers there")
     assert len(said.splitlines()) == 1
+
+
+INTERRUPTED_AT_THE_END = """
+import os, signal, threading
+from survey_mc.run.executors.local import local_cluster
+
+said = []
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+try:
+    with local_cluster(1, None) as local:
+        cluster, close = local.cluster, local.cluster.close
+
+        def interrupted_close(*arguments, **options):
+            cluster.close = close
+            threading.Timer(0.05, os.kill, (os.getpid(), signal.{name})).start()
+            return close(*arguments, **options)
+
+        cluster.close = interrupted_close
+except KeyboardInterrupt:
+    said.append("interrupted")
+print(*said, cluster.status.name)
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_that_comes_while_a_cluster_ends_waits_until_it_has_ended(name: str) -> None:
+    """Otherwise dask waits ten seconds for it when the interpreter ends."""
+    script = INTERRUPTED_AT_THE_END.replace("{name}", name)
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment(), capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout.split()) == (0, ["interrupted", "closed"]), done.stderr

@@ -85,6 +85,10 @@ def local_cluster(workers: int, dashboard_port: int | None) -> Iterator[LocalWor
         except BaseException:
             _end_at_once(cluster)
             raise
+        finally:
+            # A cluster whose end is interrupted is waited for ten seconds when the interpreter ends.
+            with _signals_wait():
+                opened.close()
 
 
 @dataclass(slots=True)
@@ -167,21 +171,34 @@ def _need_bokeh() -> None:
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Let SIGINT and SIGTERM wait until the workers have started: a cluster that is half there cannot be closed.
-
-    The workers inherit that SIGINT is blocked, so that Ctrl-C in a terminal is for this process alone.
-    """
+def _signals_wait() -> Iterator[None]:
+    """Let SIGINT and SIGTERM wait until the block is over."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     held: list[int] = []
-    before = signal.signal(signal.SIGTERM, lambda number, frame: held.append(number))
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = {
+        number: signal.signal(number, lambda number, frame: held.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        for number, handler in before.items():
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
         if held:
-            os.kill(os.getpid(), signal.SIGTERM)
+            os.kill(os.getpid(), held[0])
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let signals wait until the workers have started: a cluster that is half there cannot be closed.
+
+    The workers inherit that SIGINT is blocked, so that Ctrl-C in a terminal is for this process alone.
+    """
+    with _signals_wait():
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
