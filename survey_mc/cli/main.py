@@ -77,6 +77,10 @@ def main(arguments: list[str] | None = None) -> None:
     except OSError as problem:
         _say(f"{problem.filename or 'input or output'}: {problem.strerror or problem}")
         code = EXIT_BAD_INPUT
+    if arguments is None:
+        # The work is over and its exit code known: what comes while the interpreter ends comes too late.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     sys.exit(code if isinstance(code, int) else 0)
 
 
