@@ -19,16 +19,13 @@ from survey_mc.run.engine import default_run_dir, refuse_foreign
 from survey_mc.run.gaps import known_gaps
 from survey_mc.run.order import Order
 from survey_mc.run.plan.costs import JournalCosts, Sample, Stage, sample
-from survey_mc.run.plan.pace import FIRST_FIELDS, ORDER_SECONDS, block_size
+from survey_mc.run.plan.pace import FIRST_FIELDS, ORDER_SECONDS, PACKING_PER_COMMIT, block_size
 from survey_mc.run.stages import table_of
 from survey_mc.run.work import families_of, orders, shards
 from survey_mc.store import Family, Manifest, RunData, RunLayout
 from survey_mc.store.parquet import empty_frame, encoded_bytes
 
 PACK: Stage = ("", "pack")
-# Joining the parts of a file beside writing them: they are read, and written again in one piece. Measured 0.5 (small
-# fields) to 2 (large ones).
-PACKING_PER_COMMIT = 1.0
 RESTORED_S = 0.002  # CPU of giving the stored detections of a field to its matching
 ORDERS_AHEAD = 3  # of each worker, before anything is known of their pace
 # Measured on an unshared machine: a local cluster with its workers' imports; what the driver does for an order; wall
