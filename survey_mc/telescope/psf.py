@@ -97,7 +97,7 @@ def _solve(fwhm_arcsec: float, hew_arcsec: float) -> KingPsf:
     def excess(slope: float) -> float:
         return math.log(_half_energy(slope) / _half_maximum(slope) / ratio)
 
-    from scipy.optimize import brentq  # a driver does without
+    from scipy.optimize import brentq  # a quarter of a second, which `status` does without
 
     slope = float(brentq(excess, *_SLOPE_RANGE, xtol=1e-14, rtol=1e-14))
     return KingPsf(slope, fwhm_arcsec / (2.0 * _half_maximum(slope)))
